@@ -1,0 +1,50 @@
+# `make demo` and `make test` need Python 3.10 or newer, a C++17 compiler and make; they set up the rest in .venv.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+NATIVE := $(wildcard src/native/*) $(wildcard include/cuticle/*) CMakeLists.txt pyproject.toml
+
+.PHONY: demo test lint format bench clean
+.DELETE_ON_ERROR:
+
+demo: $(VENV)/.installed
+	$(BIN)/cuticle demo -o out/demo
+
+test: $(VENV)/.installed-test
+	$(BIN)/python -m pytest
+
+lint: $(VENV)/.installed-lint
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/clang-format --dry-run --Werror $$(git ls-files '*.h' '*.cpp')
+
+format: $(VENV)/.installed-lint
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+	$(BIN)/clang-format -i $$(git ls-files '*.h' '*.cpp')
+
+bench: $(VENV)/.installed
+	$(BIN)/python benchmarks/bench.py
+
+$(BIN)/python:
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10) and "cuticle needs Python 3.10 or newer; set PYTHON=python3.12, say")'
+	$(PYTHON) -m venv $(VENV)
+
+# Compiled for this machine: the extension stays in .venv.
+$(VENV)/.installed: $(NATIVE) | $(BIN)/python
+	@echo "setting up $(VENV): compiling the core takes a minute"
+	$(PIP) install -C cmake.define.CUTICLE_NATIVE=ON -e .
+	@touch $@
+
+$(VENV)/.installed-test: $(VENV)/.installed
+	$(PIP) install 'hypothesis>=6' 'pytest>=8'
+	@touch $@
+
+$(VENV)/.installed-lint: $(VENV)/.installed
+	$(PIP) install 'clang-format==19.1.7' 'mypy>=1.11' 'ruff>=0.8'
+	@touch $@
+
+clean:
+	rm -rf $(VENV) build out dist

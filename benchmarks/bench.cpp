@@ -1,0 +1,202 @@
+// Cost of the core in single precision on one thread, as multiples of a calibration kernel (16 independent
+// expf calls on varying inputs) timed in the same rounds. bench.py writes the input, compiles and runs this.
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <functional>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "cuticle/cuticle.h"
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+constexpr int inputs = 4096;
+
+struct Inputs {
+    std::vector<float> theta_i, theta_r, phi, u0, u1, u2;
+};
+
+std::vector<float> uniform(std::mt19937 &rng, float lo, float hi) {
+    std::uniform_real_distribution<float> d(lo, hi);
+    std::vector<float> v(inputs);
+    for (float &x : v) x = d(rng);
+    return v;
+}
+
+struct Reader {
+    std::FILE *file;
+    template <class T> std::vector<T> array(std::size_t n) {
+        std::vector<T> v(n);
+        if (n && std::fread(v.data(), sizeof(T), n, file) != n) {
+            std::fprintf(stderr, "bench: input ends early\n");
+            std::exit(2);
+        }
+        return v;
+    }
+    int integer() { return array<int>(1)[0]; }
+    float real() { return array<float>(1)[0]; }
+};
+
+struct Case {
+    std::string name;
+    std::function<float()> body;  // one pass over all inputs
+    std::vector<double> nanoseconds;
+};
+
+struct TableData {
+    int lobes, rows, theta_nodes;
+    bool even;
+    std::vector<float> nodes, energy, strands;
+};
+
+template <int K>
+void add_sampler(std::vector<Case> &cases, const std::string &label, const TableData &data, const Inputs &in,
+                 float strands) {
+    const cuticle::LobeTable<float, K> table{data.nodes.data(), data.energy.data(), data.strands.data(),
+                                             data.rows,         data.theta_nodes,   data.even};
+    cases.push_back({label + " pdf",
+                     [=, &in] {
+                         float sum = 0;
+                         for (int i = 0; i < inputs; ++i)
+                             sum += cuticle::prepare(table, in.theta_r[i], strands).pdf(in.theta_i[i], in.phi[i]);
+                         return sum;
+                     },
+                     {}});
+    cases.push_back({label + " sample",
+                     [=, &in] {
+                         float sum = 0;
+                         for (int i = 0; i < inputs; ++i) {
+                             const auto s =
+                                 cuticle::prepare(table, in.theta_r[i], strands).sample(in.u0[i], in.u1[i], in.u2[i]);
+                             sum += s.theta_i + s.phi + s.pdf;
+                         }
+                         return sum;
+                     },
+                     {}});
+    const auto once = cuticle::prepare(table, .5f, strands);
+    cases.push_back({label + " pdf, prepared",
+                     [=, &in] {
+                         float sum = 0;
+                         for (int i = 0; i < inputs; ++i) sum += once.pdf(in.theta_i[i], in.phi[i]);
+                         return sum;
+                     },
+                     {}});
+}
+
+void add_table(std::vector<Case> &cases, const std::string &label, const TableData &data, const Inputs &in, float strands) {
+    switch (data.lobes) {
+        case 1:
+            return add_sampler<1>(cases, label, data, in, strands);
+        case 2:
+            return add_sampler<2>(cases, label, data, in, strands);
+        case 4:
+            return add_sampler<4>(cases, label, data, in, strands);
+        case 8:
+            return add_sampler<8>(cases, label, data, in, strands);
+        case 16:
+            return add_sampler<16>(cases, label, data, in, strands);
+        default:
+            std::fprintf(stderr, "bench: no case for %d lobes\n", data.lobes);
+            std::exit(2);
+    }
+}
+
+}  // namespace
+
+int main(int argc, char **argv) {
+    if (argc != 3) {
+        std::fprintf(stderr, "usage: bench INPUT ROUNDS\n");
+        return 2;
+    }
+    Reader reader{std::fopen(argv[1], "rb")};
+    if (!reader.file) {
+        std::fprintf(stderr, "bench: cannot open %s\n", argv[1]);
+        return 2;
+    }
+    const int rounds = std::atoi(argv[2]);
+    std::mt19937 rng(7);
+    const Inputs in{uniform(rng, -1.5f, 1.5f), uniform(rng, -1.5f, 1.5f), uniform(rng, -3.14f, 3.14f),
+                    uniform(rng, 0, 1),        uniform(rng, 0, 1),        uniform(rng, 0, 1)};
+    std::vector<Case> cases;
+    cases.push_back({"calibration",
+                     [&in] {
+                         float sum = 0;
+                         for (int i = 0; i < inputs; ++i)
+                             for (int k = 0; k < 16; ++k) sum += std::exp(in.theta_i[(i + k) & (inputs - 1)] - in.u0[i]);
+                         return sum;
+                     },
+                     {}});
+    cases.push_back({"uniform sphere sample",
+                     [&in] {
+                         float sum = 0;
+                         for (int i = 0; i < inputs; ++i)
+                             sum += std::asin(2 * in.u1[i] - 1) + cuticle::pi<float> * (2 * in.u2[i] - 1) + .0795774715f;
+                         return sum;
+                     },
+                     {}});
+
+    std::vector<TableData> tables(static_cast<std::size_t>(reader.integer()));
+    for (TableData &t : tables) {
+        t.lobes = reader.integer();
+        t.rows = reader.integer();
+        t.theta_nodes = reader.integer();
+        t.even = reader.integer() != 0;
+        const auto cells = static_cast<std::size_t>(t.rows * t.theta_nodes);
+        t.nodes = reader.array<float>(cells * static_cast<std::size_t>(cuticle::lobe_parameters * t.lobes));
+        t.energy = reader.array<float>(cells);
+        t.strands = reader.array<float>(static_cast<std::size_t>(t.rows));
+        const float strands = reader.real();
+        const int length = reader.integer();
+        const auto label = reader.array<char>(static_cast<std::size_t>(length));
+        add_table(cases, std::string(label.begin(), label.end()), t, in, strands);
+    }
+
+    const int rows = reader.integer(), columns = reader.integer(), channels = reader.integer(), averages = reader.integer();
+    const auto size = static_cast<std::size_t>(rows * columns * channels * cuticle::lobe_count);
+    const auto direct = reader.array<float>(size), spread = reader.array<float>(size);
+    const auto average = reader.array<float>(static_cast<std::size_t>(averages * channels * cuticle::average_columns));
+    cuticle::DualScatteringModel<float> model{};
+    for (float &x : model.fibre.alpha) x = reader.real();
+    for (float &x : model.fibre.beta) x = reader.real();
+    model.fibre.form = static_cast<cuticle::Longitudinal>(reader.integer());
+    model.formulation = static_cast<cuticle::Formulation>(reader.integer());
+    model.direct = {direct.data(), rows, columns, channels};
+    model.spread = {spread.data(), rows, columns, channels};
+    model.averages = {average.data(), averages, reader.real()};
+    model.d_f = reader.real();
+    model.d_b = reader.real();
+    for (const float strands : {0.f, 2.f})
+        cases.push_back({"eval, " + std::string(strands > 0 ? "2 strands" : "direct"),
+                         [&in, &model, strands] {
+                             float sum = 0, f[8];
+                             for (int i = 0; i < inputs; ++i) {
+                                 cuticle::dual_scattering_eval(model, in.theta_i[i], in.theta_r[i], in.phi[i], strands, 15,
+                                                               f);
+                                 sum += f[0];
+                             }
+                             return sum;
+                         },
+                         {}});
+
+    volatile float sink = 0;
+    for (int round = 0; round < rounds; ++round)
+        for (Case &c : cases) {
+            const auto start = Clock::now();
+            sink = sink + c.body();
+            c.nanoseconds.push_back(std::chrono::duration<double, std::nano>(Clock::now() - start).count() / inputs);
+        }
+    std::printf("{\n");
+    for (std::size_t i = 0; i < cases.size(); ++i) {
+        auto &t = cases[i].nanoseconds;
+        const auto middle = t.begin() + static_cast<std::ptrdiff_t>(t.size() / 2);
+        std::nth_element(t.begin(), middle, t.end());
+        std::printf("  \"%s\": %.4f%s\n", cases[i].name.c_str(), *middle, i + 1 < cases.size() ? "," : "");
+    }
+    std::printf("}\n");
+    return 0;
+}

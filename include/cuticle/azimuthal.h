@@ -1,0 +1,138 @@
+// The azimuthal functions N_p(theta_d, phi), by quadrature over the offset h, one table row a theta_d.
+//
+// N_p(phi) = ½ ∫ A(p, h) D(phi - phi_p(h)) dh, D a wrapped normal of deviation beta_N (d'Eon 2011). Each cell of h
+// spreads its energy evenly over the azimuths between its two edges, which is exact for a straight phi_p(h) and
+// has no aliasing as beta_N -> 0; the smoothing by D is one convolution of the row.
+#pragma once
+
+#include "cuticle/longitudinal.h"
+#include "cuticle/optics.h"
+
+namespace cuticle {
+
+constexpr int lobe_count = 3;  // R, TT, TRT
+
+// Adds `mass` spread evenly over [a, b] radians to `bins` bins of the full circle, bin m centred at m 2pi/bins.
+template <class Float> void deposit(Float a, Float b, Float mass, Float *circle, int bins) {
+    const Float scale = Float(bins) / (Float(2) * pi<Float>);
+    const Float x0 = math::min(a, b) * scale + Float(.5), x1 = math::max(a, b) * scale + Float(.5);
+    const long first = static_cast<long>(math::floor(x0)), last = static_cast<long>(math::floor(x1));
+    for (long m = first; m <= last; ++m) {
+        const Float overlap = math::min(x1, Float(m + 1)) - math::max(x0, Float(m));
+        const Float part = first == last ? mass : mass * overlap / (x1 - x0);
+        circle[(m % bins + bins) % bins] += part;
+    }
+}
+
+// One lobe's row for one absorption: out[j] = N_p at phi = j pi / n, j = 0 … n, per radian; n even.
+// `circle` and `kernel` are scratch, of 4 n and of 2 n.
+template <class Float>
+void azimuthal_row(int p, Float theta_d, Float eta, Float sigma_a, Float beta_n, bool closed, int n, int offsets,
+                   Float *circle, Float *kernel, Float *out) {
+    const int bins = 2 * n;
+    const Float step = Float(2) * pi<Float> / Float(bins);
+    const Float cos_d = math::cos(theta_d), sin_d = math::sin(theta_d);
+    for (int m = 0; m < bins; ++m) circle[m] = Float(0);
+    // h = sin gamma, gamma even: fine where Fresnel's term turns steep. By symmetry only h >= 0.
+    Float before = exit_azimuth(p, cross_section(Float(0), sin_d, cos_d, eta));
+    for (int j = 0; j < offsets; ++j) {
+        const Float g0 = half_pi<Float> * Float(j) / Float(offsets), g1 = half_pi<Float> * Float(j + 1) / Float(offsets);
+        const Float after = exit_azimuth(p, cross_section(g1, sin_d, cos_d, eta));
+        const CrossSection<Float> middle = cross_section(Float(Float(.5) * (g0 + g1)), sin_d, cos_d, eta);
+        const Float dh = math::sin(g1) - math::sin(g0);
+        deposit(before, after, attenuation(p, middle, sigma_a, closed) * dh, circle, bins);
+        before = after;
+    }
+    for (int m = 0; m <= n; ++m) {  // h and -h leave at phi and -phi
+        const int other = (bins - m) % bins;
+        circle[m] = circle[other] = Float(.5) * (circle[m] + circle[other]);
+    }
+    for (int m = 0; m < bins; ++m) circle[bins + m] = circle[m];
+
+    // D, less what the bins (step²/12) and the table's linear interpolation (step²/6) smooth by themselves.
+    const Float variance = math::max(Float(beta_n * beta_n - step * step * Float(.25)), Float(Float(.5) * beta_n * beta_n));
+    Float total = Float(0);
+    for (int m = 0; m < bins; ++m) {
+        const Float x = step * Float(m < n ? m : m - bins);
+        kernel[m] = Float(0);
+        for (int turn = -3; turn <= 3; ++turn)
+            kernel[m] += gaussian(Float(x + Float(2) * pi<Float> * Float(turn)), variance);
+        total += kernel[m];
+    }
+    int reach = 1;
+    while (reach < n && kernel[reach] > Float(1e-9) * kernel[0]) ++reach;
+    for (int j = 0; j <= n; ++j) out[j] = Float(0);
+    for (int d = -reach; d < reach; ++d) {
+        const Float weight = kernel[d < 0 ? d + bins : d] / (total * step);
+        const Float *from = circle + (d < 0 ? d + bins : d);
+        for (int j = 0; j <= n; ++j) out[j] += weight * from[j];
+    }
+}
+
+// What light that arrives spread evenly over the front half of the azimuth makes of N (Zinke 2008, N^G):
+// the mean of N over phi ± pi/2. `row` and `out` as above.
+template <class Float> void spread_row(const Float *row, int n, Float *out) {
+    const auto at = [&](int j) {
+        const int m = ((j % (2 * n)) + 2 * n) % (2 * n);
+        return row[m <= n ? m : 2 * n - m];
+    };
+    Float sum = Float(0);
+    for (int j = -n / 2; j < n / 2; ++j) sum += Float(.5) * (at(j) + at(j + 1));
+    for (int j = 0; j <= n; ++j) {
+        out[j] = sum / Float(n);
+        sum += Float(.5) * (at(j + n / 2) + at(j + n / 2 + 1) - at(j - n / 2) - at(j - n / 2 + 1));
+    }
+}
+
+// The fraction of N's energy that goes on into the forward half and back, for light that arrives spread evenly
+// over half a turn: a direction at distance d from straight on stays forward with probability 1 - d/pi.
+template <class Float> struct Halves {
+    Float forward, backward;
+};
+
+template <class Float> Halves<Float> half_energies(const Float *row, int n) {
+    Halves<Float> sum{Float(0), Float(0)};
+    for (int j = 0; j <= n; ++j) {
+        const Float d_phi = Float(2) * pi<Float> / Float(n) * (j == 0 || j == n ? Float(.5) : Float(1));
+        const Float forward = Float(j) / Float(n);  // straight on is phi = pi
+        sum.forward += d_phi * forward * row[j];
+        sum.backward += d_phi * (Float(1) - forward) * row[j];
+    }
+    return sum;
+}
+
+// A view of the rows: [rows][columns][lobe_count][channels], theta_d = i (pi/2) / (rows - 1), phi = j pi / (columns - 1).
+// N is even in both angles.
+template <class Scalar> struct AzimuthalTable {
+    const Scalar *data;
+    int rows, columns, channels;
+};
+
+// Four table entries and their weights: the position is found once and serves all lobes and channels.
+template <class Float> struct Bilinear {
+    int index;  // of the first value of the lower corner
+    int row_step, column_step;
+    Float a, b;  // fractions towards the next row and column
+};
+
+template <class Float, class Scalar>
+CUTICLE_HD Bilinear<Float> locate(const AzimuthalTable<Scalar> &table, const Float &theta_d, const Float &phi) {
+    const Float y =
+        math::clamp(Float(math::abs(theta_d) * (Float(table.rows - 1) / half_pi<Float>)), Float(0), Float(table.rows - 1));
+    const Float x = math::clamp(Float(math::abs(math::wrap_angle(phi)) * (Float(table.columns - 1) / pi<Float>)), Float(0),
+                                Float(table.columns - 1));
+    const int i = math::min(static_cast<int>(y), table.rows - 2), j = math::min(static_cast<int>(x), table.columns - 2);
+    const int column = lobe_count * table.channels;
+    return {(i * table.columns + j) * column, table.columns * column, column, y - Float(i), x - Float(j)};
+}
+
+template <class Float, class Scalar>
+CUTICLE_HD Float interpolate(const Scalar *data, const Bilinear<Float> &at, int offset) {
+    const Scalar *q = data + at.index + offset;
+    const Float lower = Float(q[0]) + at.b * Float(q[at.column_step] - q[0]);
+    const Scalar *r = q + at.row_step;
+    const Float upper = Float(r[0]) + at.b * Float(r[at.column_step] - r[0]);
+    return lower + at.a * (upper - lower);
+}
+
+}  // namespace cuticle

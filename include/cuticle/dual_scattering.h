@@ -1,0 +1,93 @@
+// Dual scattering (Zinke, Yuksel, Weber, Keyser 2008): f for light that reaches a strand directly or through n others.
+//
+// Differs from the paper in (exact only): the backscatter sums all orders; every part is normalised to the energy it
+// stands for; forward scattering shifts light as well as spreading it; no factor pi before the backscatter of spread
+// light. Between 0 and 1 strands both formulations blend the two cases, as the paper's direct fraction does.
+#pragma once
+
+#include "cuticle/multiple_scattering.h"
+
+namespace cuticle {
+
+// Averages on inclinations i: -limit + 2 limit i / (rows - 1): [rows][channels][average_columns].
+template <class Scalar> struct AverageTable {
+    const Scalar *data;
+    int rows;
+    Scalar limit;
+};
+
+template <class Scalar> struct DualScatteringModel {
+    FibreLobes<Scalar> fibre;
+    AzimuthalTable<Scalar> direct, spread;  // N_p and N^G_p
+    AverageTable<Scalar> averages;
+    Formulation formulation;
+    Scalar d_f, d_b;
+};
+
+template <class Float, class Scalar>
+CUTICLE_HD Averages<Float> averages_at(const AverageTable<Scalar> &table, const Float &theta, int channel, int channels) {
+    const Float last = Float(table.rows - 1);
+    const Float x = math::clamp(Float((theta / table.limit + Float(1)) * Float(.5) * last), Float(0), last);
+    const int i = math::min(static_cast<int>(x), table.rows - 2);
+    const Float t = x - Float(i);
+    const Scalar *q = table.data + (i * channels + channel) * average_columns;
+    const Scalar *r = q + channels * average_columns;
+    const auto at = [&](int column) { return Float(q[column]) + t * Float(r[column] - q[column]); };
+    return {at(0), at(1), at(2), at(3), at(4), at(5), at(6), at(7), at(8), {at(9), at(10), at(11)}};
+}
+
+// The backscatter lobe, independent of phi, for light spread by `variance` and shifted by `shift` before (theta_h).
+// exact: ∫ f cos over the back half is A_b. zinke2008: as printed, 2 A_b g / (pi cos² theta_d).
+template <class Float>
+CUTICLE_HD Float backscatter(Formulation formulation, const Averages<Float> &a, const Float &theta_i, const Float &theta_r,
+                             const Float &shift, const Float &variance) {
+    const bool exact = formulation == Formulation::exact;
+    const Float m = longitudinal(exact ? Longitudinal::energy_conserving : Longitudinal::gaussian, theta_i, theta_r,
+                                 Float(a.back_shift + shift), Float(a.back_deviation * a.back_deviation + variance));
+    return (exact ? Float(1) : Float(2)) * a.back_energy * m / pi<Float>;
+}
+
+// f in 1/sr, without a cosine, into f[channels], for n >= 0 strands, whole or not, between the fibre and the light.
+template <class Float, class Scalar>
+CUTICLE_HD void dual_scattering_eval(const DualScatteringModel<Scalar> &model, const Float &theta_i, const Float &theta_r,
+                                     const Float &phi, const Float &strands, int lobes, Float *f) {
+    const bool exact = model.formulation == Formulation::exact;
+    const int channels = model.direct.channels;
+    const Float lit = math::max(Float(Float(1) - strands), Float(0));  // directly lit share
+    const Float n = math::max(strands, Float(1));
+    // `exact` takes every average at the viewer's inclination, so that each part's energy is known in closed form.
+    const Float inclination = exact ? theta_r : theta_difference(theta_i, theta_r);
+    for (int c = 0; c < channels; ++c) f[c] = Float(0);
+    if (lit > Float(0)) {
+        marschner_eval(model.fibre, model.direct, theta_i, theta_r, phi, lobes, f);
+        for (int c = 0; c < channels; ++c) {
+            if (lobes & mask_back)
+                f[c] = f[c] + Float(model.d_b) * backscatter(model.formulation,
+                                                             averages_at(model.averages, inclination, c, channels), theta_i,
+                                                             theta_r, Float(0), Float(0));
+            f[c] = lit * f[c];
+        }
+        if (!(lit < Float(1))) return;
+    }
+    const Longitudinal form = exact ? Longitudinal::energy_conserving : model.fibre.form;
+    const Bilinear<Float> at = locate(model.spread, inclination, phi);
+    for (int c = 0; c < channels; ++c) {
+        const Averages<Float> a = averages_at(model.averages, inclination, c, channels);
+        const Float spread = n * a.beta_f * a.beta_f, shift = exact ? Float(n * a.alpha_f) : Float(0);
+        Float sum = Float(0);
+        for (int p = 0; p < lobe_count; ++p) {
+            if (!(lobes & (1 << p))) continue;
+            const Float m = longitudinal(form, theta_i, theta_r, Float(Float(model.fibre.alpha[p]) + shift),
+                                         Float(Float(model.fibre.beta[p] * model.fibre.beta[p]) + spread));
+            sum = sum + (exact ? a.scale[p] : Float(1)) * m * interpolate<Float>(model.spread.data, at, p * channels + c);
+        }
+        const Float density = Float(model.d_f) * (exact ? Float(1) : Float(model.d_f));  // printed twice: T_f holds one
+        if (lobes & mask_back)
+            sum = sum + (exact ? Float(1) : pi<Float>)*Float(model.d_b) *
+                            backscatter(model.formulation, a, theta_i, theta_r, shift, spread);
+        const Float transmittance = math::exp(Float(n * math::log(math::max(a.a_f, std::numeric_limits<Float>::min()))));
+        f[c] = f[c] + (Float(1) - lit) * density * transmittance * sum;
+    }
+}
+
+}  // namespace cuticle

@@ -1,0 +1,144 @@
+// One-dimensional densities, each a triple pdf, cdf, icdf: the normal truncated to an interval, and from it
+// the longitudinal lobe on [-pi/2, pi/2] and the azimuthal lobes on the circle. All are per radian.
+#pragma once
+
+#include "cuticle/math.h"
+
+namespace cuticle {
+
+// What a truncated normal needs where its mean lies inside [lo, hi] or at most one sigma outside: there the
+// difference of two erf keeps its precision. With z = (x - mean) rate the density is norm(d) exp(-z²).
+template <class Float> struct CentralNormal {
+    Float mean, rate;    // rate = 1 / (sqrt 2 sigma)
+    Float erf_lo, mass;  // erf at the lower end; erf(upper) - erf(lower)
+};
+
+// Two erf at once: an array type may have a faster way (pack.h).
+template <class Float> CUTICLE_HD void erf_pair(const Float &a, const Float &b, Float &erf_a, Float &erf_b) {
+    erf_a = math::erf(a);
+    erf_b = math::erf(b);
+}
+
+template <class Float>
+CUTICLE_HD CentralNormal<Float> central_normal(const Float &mean, const Float &rate, const Float &lo, const Float &hi) {
+    Float erf_lo, erf_hi;
+    erf_pair(Float((lo - mean) * rate), Float((hi - mean) * rate), erf_lo, erf_hi);
+    return {mean, rate, erf_lo, erf_hi - erf_lo};
+}
+
+template <class Float> CUTICLE_HD Float central_norm(const CentralNormal<Float> &d) {
+    return Float(two_over_sqrt_pi<double>) * d.rate / d.mass;
+}
+
+template <class Float> CUTICLE_HD Float central_cdf(const CentralNormal<Float> &d, const Float &x) {
+    return math::clamp(Float((math::erf(Float((x - d.mean) * d.rate)) - d.erf_lo) / d.mass), Float(0), Float(1));
+}
+
+template <class Float> CUTICLE_HD Float central_icdf(const CentralNormal<Float> &d, const Float &u) {
+    return d.mean + math::erfinv(math::clamp(Float(d.erf_lo + u * d.mass), Float(-1), Float(1))) / d.rate;
+}
+
+// The normal of any mean and any sigma > 0 truncated to [lo, hi]. Where the mean lies more than a sigma
+// outside, everything is told relative to the density at the near end, with erfcx: no under- or overflow,
+// however far the mean.
+template <class Float> struct TruncatedNormal {
+    Float lo, hi;
+    CentralNormal<Float> central;
+    Float near, sign;  // the end next to the mean, and the direction from it into the interval
+    Float z_near;      // its distance to the mean in units of 1/rate
+    Float erfcx_near, tail_far, tail_mass;
+    decltype(Float(0) < Float(0)) in_tail;
+
+    CUTICLE_HD TruncatedNormal(const Float &mean, const Float &sigma, const Float &lo_, const Float &hi_)
+        : lo(lo_), hi(hi_) {
+        const Float below = lo - mean, above = mean - hi;
+        in_tail = math::max(below, above) > sigma;
+        central = central_normal(Float(select(in_tail, Float(Float(.5) * (lo + hi)), mean)), Float(sqrt_half<Float> / sigma),
+                                 lo, hi);
+        near = select(below > above, lo, hi);
+        sign = select(below > above, Float(1), Float(-1));
+        z_near = math::max(Float(math::max(below, above) * central.rate), Float(0));
+        erfcx_near = math::erfcx(z_near);
+        tail_far = scaled_tail(Float((hi - lo) * central.rate));
+        tail_mass = erfcx_near - tail_far;
+    }
+
+    CUTICLE_HD Float pdf(const Float &x) const {
+        const Float z = (x - central.mean) * central.rate;
+        const Float d = sign * (x - near) * central.rate;
+        const Float density =
+            select(in_tail,
+                   Float(two_over_sqrt_pi<Float> * central.rate / tail_mass * math::exp(Float(-d * (z_near + z_near + d)))),
+                   Float(central_norm(central) * math::exp(Float(-z * z))));
+        return select(x < lo, Float(0), select(x > hi, Float(0), density));
+    }
+
+    CUTICLE_HD Float cdf(const Float &x_) const {
+        const Float x = math::clamp(x_, lo, hi);
+        const Float inside = (erfcx_near - scaled_tail(Float(sign * (x - near) * central.rate))) / tail_mass;
+        const Float tail = select(sign > Float(0), inside, Float(Float(1) - inside));
+        return math::clamp(Float(select(in_tail, tail, central_cdf(central, x))), Float(0), Float(1));
+    }
+
+    CUTICLE_HD Float icdf(const Float &u_) const {
+        const Float u = math::clamp(u_, Float(0), Float(1));
+        const Float v = select(sign > Float(0), u, Float(Float(1) - u));
+        // Newton on -ln erfc(z), convex and increasing, from an overestimate: it falls onto the root.
+        const Float target = -math::log(math::max(Float((Float(1) - v) + v * tail_far / erfcx_near), Float(1e-37)));
+        const Float length = (hi - lo) * central.rate;
+        Float d = math::min(Float(target / math::max(Float(z_near + z_near), Float(1))), length);
+        for (int step = 0; step < 8; ++step) {
+            const Float e = math::erfcx(Float(z_near + d));
+            const Float excess = d * (z_near + z_near + d) - math::log(Float(e / erfcx_near)) - target;
+            d = math::clamp(Float(d - excess * e / two_over_sqrt_pi<Float>), Float(0), length);
+        }
+        const Float tail = near + sign * d / central.rate;
+        return math::clamp(Float(select(in_tail, tail, central_icdf(central, u))), lo, hi);
+    }
+
+  private:
+    // erfc at distance d / rate from the near end, over exp(-z_near²).
+    CUTICLE_HD Float scaled_tail(const Float &d) const {
+        return math::exp(Float(-d * (z_near + z_near + d))) * math::erfcx(Float(z_near + d));
+    }
+};
+
+// Longitudinal lobe: a normal in theta truncated to [-pi/2, pi/2]; densities per radian of theta.
+template <class Float> CUTICLE_HD TruncatedNormal<Float> longitudinal_normal(const Float &mean, const Float &sigma) {
+    return {mean, sigma, Float(-half_pi<Float>), half_pi<Float>};
+}
+
+// Azimuthal lobe on the circle: a normal truncated to the one period centred on its mean.
+// phi is wrapped to (-pi, pi]; the cdf runs from mean - pi, where it is 0, once around.
+template <class Float> struct PeriodicNormal {
+    Float mean;
+    TruncatedNormal<Float> centred;
+
+    CUTICLE_HD PeriodicNormal(const Float &mean_, const Float &sigma)
+        : mean(math::wrap_angle(mean_)), centred(Float(0), sigma, Float(-pi<Float>), pi<Float>) {}
+    CUTICLE_HD Float pdf(const Float &phi) const { return centred.pdf(math::wrap_angle(Float(phi - mean))); }
+    CUTICLE_HD Float cdf(const Float &phi) const { return centred.cdf(math::wrap_angle(Float(phi - mean))); }
+    CUTICLE_HD Float icdf(const Float &u) const { return math::wrap_angle(Float(mean + centred.icdf(u))); }
+};
+
+// Azimuthal lobe of a scattering function that is even in phi: a normal in |phi| truncated to [0, pi], either
+// sign alike. About mean pi it equals the periodic normal; about any other mean one lobe, with one exp, stands
+// for the pair at +mean and -mean (TRT's glints), and with a mean past pi for a one-sided rise.
+template <class Float> struct EvenNormal {
+    TruncatedNormal<Float> half;
+
+    CUTICLE_HD EvenNormal(const Float &mean, const Float &sigma) : half(mean, sigma, Float(0), pi<Float>) {}
+    CUTICLE_HD Float pdf(const Float &phi) const { return Float(.5) * half.pdf(math::abs(math::wrap_angle(phi))); }
+    CUTICLE_HD Float cdf(const Float &phi_) const {
+        const Float phi = math::wrap_angle(phi_);
+        const Float side = Float(.5) * half.cdf(math::abs(phi));
+        return select(phi < Float(0), Float(Float(.5) - side), Float(Float(.5) + side));
+    }
+    CUTICLE_HD Float icdf(const Float &u) const {
+        const Float v = Float(2) * u - Float(1);
+        const Float side = half.icdf(math::abs(v));
+        return select(v < Float(0), Float(-side), side);
+    }
+};
+
+}  // namespace cuticle

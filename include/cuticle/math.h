@@ -1,0 +1,206 @@
+// Scalar mathematics the core needs, written so that one body serves float, double and array types.
+//
+// float on the host goes through polynomials without calls or branches, so that a loop over lobes
+// becomes vector instructions; double goes through the standard library; any other type (Dr.Jit
+// arrays) is found by argument-dependent lookup.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <type_traits>
+
+#include "cuticle/config.h"
+
+namespace cuticle {
+
+template <class Float> inline constexpr Float pi = Float(3.14159265358979323846);
+template <class Float> inline constexpr Float half_pi = Float(1.57079632679489661923);
+template <class Float> inline constexpr Float sqrt_half = Float(0.70710678118654752440);
+template <class Float> inline constexpr Float two_over_sqrt_pi = Float(1.12837916709551257390);
+
+// Array types replace this by an overload on their mask.
+CUTICLE_HD inline float select(bool mask, float a, float b) { return mask ? a : b; }
+CUTICLE_HD inline double select(bool mask, double a, double b) { return mask ? a : b; }
+CUTICLE_HD inline int select(bool mask, int a, int b) { return mask ? a : b; }
+
+namespace math {
+
+template <class T> CUTICLE_HD T sqrt(const T &x) {
+    using std::sqrt;
+    return sqrt(x);
+}
+template <class T> CUTICLE_HD T log(const T &x) {
+    using std::log;
+    return log(x);
+}
+template <class T> CUTICLE_HD T sin(const T &x) {
+    using std::sin;
+    return sin(x);
+}
+template <class T> CUTICLE_HD T cos(const T &x) {
+    using std::cos;
+    return cos(x);
+}
+template <class T> CUTICLE_HD T asin(const T &x) {
+    using std::asin;
+    return asin(x);
+}
+template <class T> CUTICLE_HD T abs(const T &x) {
+    using std::abs;
+    return abs(x);
+}
+template <class T> CUTICLE_HD T floor(const T &x) {
+    using std::floor;
+    return floor(x);
+}
+template <class T> CUTICLE_HD T atan2(const T &y, const T &x) {
+    using std::atan2;
+    return atan2(y, x);
+}
+template <class T> CUTICLE_HD T copysign(const T &x, const T &sign) {
+    using std::copysign;
+    return copysign(x, sign);
+}
+template <class T> CUTICLE_HD T max(const T &a, const T &b) { return select(a < b, b, a); }
+template <class T> CUTICLE_HD T min(const T &a, const T &b) { return select(b < a, b, a); }
+template <class T> CUTICLE_HD T clamp(const T &x, const T &lo, const T &hi) { return min(max(x, lo), hi); }
+template <class T> CUTICLE_HD T sqr(const T &x) { return x * x; }
+
+// Σ c[i] x^i, highest degree first.
+template <class T> CUTICLE_INLINE T polynomial(const T &, const T &c) { return c; }
+template <class T, class... Rest>
+CUTICLE_INLINE T polynomial(const T &x, const T &high, const T &next, const Rest &...rest) {
+    return polynomial(x, T(high * x + next), rest...);
+}
+
+template <class T> CUTICLE_HD T exp(const T &x) {
+    using std::exp;
+    return exp(x);
+}
+
+// 2^n for the integer n nearest to t, and n itself.
+CUTICLE_HD inline float round_power(const float &t, float &rounded) {
+    const std::int32_t n = static_cast<std::int32_t>(t + (t < 0.f ? -.5f : .5f));
+    rounded = static_cast<float>(n);
+    const std::uint32_t bits = static_cast<std::uint32_t>(n + 127) << 23;
+    float power;
+    std::memcpy(&power, &bits, sizeof power);
+    return power;
+}
+
+// exp in single precision: 2^n times the Taylor series of degree 6 on [-½ ln 2, ½ ln 2]; relative error below
+// 2e-7. Arguments under -80 give 2e-35: a density's factors then never make it a denormal, which would cost more than
+// everything else together.
+template <class T> CUTICLE_HD T exp_single(const T &x_) {
+    const T x = clamp(x_, T(-80.f), T(88.f));
+    T n;
+    const T power = round_power(T(x * T(1.44269504f)), n);
+    const T r = (x - n * T(.693145752f)) - n * T(1.42860677e-6f);  // ln 2 in two parts
+    return power * polynomial(r, T(1.f / 720), T(1.f / 120), T(1.f / 24), T(1.f / 6), T(.5f), T(1.f), T(1.f));
+}
+
+CUTICLE_HD inline float exp(float x) {
+#if defined(__CUDA_ARCH__) || defined(__HIP_DEVICE_COMPILE__)
+    return ::expf(x);
+#else
+    return exp_single(x);
+#endif
+}
+
+// log for float, for normal x > 0: exponent and, on [√½, √2), the series of 2 artanh((m - 1)/(m + 1)); relative error
+// below 2e-7. A call to the library would cost as much as the rest of an inverse.
+CUTICLE_HD inline float log(float x) {
+    std::uint32_t bits;
+    std::memcpy(&bits, &x, sizeof bits);
+    const std::int32_t n = static_cast<std::int32_t>(bits - 0x3f3504f3u) >> 23;
+    const std::uint32_t scaled = bits - (static_cast<std::uint32_t>(n) << 23);
+    float m;
+    std::memcpy(&m, &scaled, sizeof m);
+    const float s = (m - 1.f) / (m + 1.f), t = s * s;
+    return static_cast<float>(n) * .693147181f + s * polynomial(t, 2.f / 9, 2.f / 7, .4f, 2.f / 3, 2.f);
+}
+
+template <class T> CUTICLE_HD T erf(const T &x) {
+    using std::erf;
+    return erf(x);
+}
+
+// erf in single precision: x P(x²)/Q(x²) on |x| <= 4, our own minimax fit (benchmarks/fit_erf.py prints it);
+// relative error below 4e-7.
+template <class T> CUTICLE_HD T erf_single(const T &x_) {
+    const T x = clamp(x_, T(-4.f), T(4.f));
+    const T t = x * x;
+    const T p = polynomial(t, T(1.98677e-6f), T(2.84569745e-4f), T(3.88347404e-3f), T(5.31021431e-2f), T(.193547979f),
+                           T(1.12837911f));
+    const T q =
+        polynomial(t, T(3.74202609e-5f), T(1.1856046e-3f), T(1.52075076e-2f), T(.115351215f), T(.504859984f), T(1.f));
+    return x * p / q;  // at most 1 + 2e-7
+}
+
+CUTICLE_HD inline float erf(float x) { return erf_single(x); }
+
+// The inverse of erf to single precision: M. Giles, "Approximating the erfinv function" (2010).
+template <class T> CUTICLE_HD T erfinv_single(const T &p) {
+    const T w = -log(max(T((T(1) - p) * (T(1) + p)), T(5e-17)));
+    const T central = polynomial(T(w - T(2.5)), T(2.81022636e-08), T(3.43273939e-07), T(-3.5233877e-06), T(-4.39150654e-06),
+                                 T(0.00021858087), T(-0.00125372503), T(-0.00417768164), T(0.246640727), T(1.50140941));
+    if constexpr (std::is_arithmetic_v<T>)  // |p| > .9966: rare enough for a branch to pay on a scalar
+        if (w < T(5)) return p * central;
+    const T tail =
+        polynomial(T(sqrt(max(w, T(5))) - T(3)), T(-0.000200214257), T(0.000100950558), T(0.00134934322), T(-0.00367342844),
+                   T(0.00573950773), T(-0.0076224613), T(0.00943887047), T(1.00167406), T(2.83297682));
+    return p * select(w < T(5), central, tail);
+}
+
+CUTICLE_HD inline float erfinv(float p) { return erfinv_single(p); }
+
+// The same to the precision of the type: two Halley steps on erf.
+template <class T> CUTICLE_HD T erfinv(const T &p) {
+    T z = erfinv_single(p);
+    for (int step = 0; step < 2; ++step) {
+        const T e = (erf(z) - p) / (two_over_sqrt_pi<T> * exp(T(-z * z)));
+        z = z - e / (T(1) + z * e);
+    }
+    return z;
+}
+
+// Scaled complementary error function exp(x²) erfc(x) for x >= 0: the product where both factors are
+// far from under- and overflow, else the continued fraction of erfc (DLMF 7.9.3), from its tail.
+template <class T> CUTICLE_HD T erfcx(const T &x) {
+    using std::erfc;
+    const T small = min(x, T(3)), large = max(x, T(3));
+    T tail = large;
+    for (int k = 40; k >= 1; --k) tail = large + T(.5 * k) / tail;
+    return select(x < T(3), T(math::exp(T(small * small)) * erfc(small)), T(T(0.56418958354775628695) / tail));
+}
+
+// An angle less whole turns, to within rounding of [-pi, pi].
+template <class T> CUTICLE_HD T nearest_turn(const T &x) {
+    return x - T(2 * pi<double>) * floor(T(x * T(.5 / pi<double>) + T(.5)));
+}
+
+// An angle to (-pi, pi].
+template <class T> CUTICLE_HD T wrap_angle(const T &x) {
+    const T r = nearest_turn(x);
+    return clamp(select(r <= -pi<T>, pi<T>, r), T(-pi<T>), pi<T>);
+}
+
+// cos theta for |theta| <= pi/2 with relative precision up to the poles (the plain cosine of the
+// float next to pi/2 is negative), held above the type's epsilon so that 1/cos stays finite.
+template <class T> CUTICLE_HD T cos_theta(const T &theta) {
+    constexpr double low = 1.57079632679489661923 - static_cast<double>(half_pi<T>);
+    const T x = (half_pi<T> - abs(theta)) + T(low);
+    return max(T(sin(x)), T(std::numeric_limits<T>::epsilon()));
+}
+
+CUTICLE_HD inline float cos_theta(float theta) {
+    const float x = (half_pi<float> - abs(theta)) - 4.37113883e-8f;
+    const float t = x * x;  // sin by its series on [0, pi/2], error below 1e-7
+    const float s = x * polynomial(t, -2.50521084e-8f, 2.75573192e-6f, -1.98412698e-4f, 8.33333333e-3f, -.166666667f, 1.f);
+    return max(s, std::numeric_limits<float>::epsilon());
+}
+
+}  // namespace math
+}  // namespace cuticle

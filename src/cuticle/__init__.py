@@ -1,0 +1,33 @@
+"""Importance samplers for hair-fibre scattering functions, fitted and proven."""
+
+from __future__ import annotations
+
+from cuticle import presets
+from cuticle.check import Report, check
+from cuticle.distribution import Distribution, tabulate
+from cuticle.fibre import Fibre
+from cuticle.fit import Fit, fit
+from cuticle.models import Averages, Bcsdf, DualScattering, Marschner
+from cuticle.quality import Quality, measure
+from cuticle.sampler import Sample, Sampler
+from cuticle.version import __version__
+
+__all__ = [
+    "Averages",
+    "Bcsdf",
+    "Distribution",
+    "DualScattering",
+    "Fibre",
+    "Fit",
+    "Marschner",
+    "Quality",
+    "Report",
+    "Sample",
+    "Sampler",
+    "__version__",
+    "check",
+    "fit",
+    "measure",
+    "presets",
+    "tabulate",
+]

@@ -1,0 +1,397 @@
+"""The proof that a sampler matches its pdf, and its pdf the scattering function it is used for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import stats
+
+from cuticle import _core, validate
+from cuticle.distribution import luminance
+from cuticle.models import Bcsdf
+from cuticle.quadrature import gauss_legendre
+from cuticle.quality import Density, measure
+from cuticle.sampler import Sampler
+
+DEFAULT_ANGLES = np.radians([-85, -75, -60, -30, 0, 30, 60, 75, 85.0])
+CELLS = 40  # along each axis, of like probability
+LEAST_EXPECTED = 10.0  # samples in a cell; smaller cells are pooled
+INTEGRAL_DOUBLE, INTEGRAL_SINGLE = 1e-5, 1e-4
+_QUANTILES = (0.0, 1e-7, 1e-4, 0.01, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 1 - 1e-4, 1 - 1e-7, 1.0)
+_HEAVY = 0.1  # share of Σ w² that one sample may have before the mean's normal error means nothing
+
+
+@dataclass(frozen=True)
+class Case:
+    """One viewer and strand count: what was measured.
+
+    `integral`, `integral_single`: ∫ pdf over the sphere in double and single precision. `chi2`, `dof`, `p_value`: of
+    the samples against the exact probabilities of the cells. `estimate`, `expected`, `z`: mean of f cos/p, ∫ f cos by
+    quadrature (luminance), their difference in standard errors (NaN where one sample dominates). `pdf_mismatch`:
+    largest relative difference between the pdf that came with a sample and the pdf asked for afterwards.
+    """
+
+    theta_r: float
+    strands: float
+    integral: float
+    integral_single: float
+    chi2: float
+    dof: int
+    p_value: float
+    estimate: float
+    expected: float
+    z: float
+    pdf_mismatch: float
+    ess: float
+    ess_channels: tuple[float, ...]
+    largest_weight: float
+    total_variation: float
+
+
+@dataclass(frozen=True)
+class Control:
+    """A sampler broken on purpose, and whether the check caught it at the sample size it uses.
+
+    `applies` is false where the change is too small to be surely seen: turning phi where the density hardly depends
+    on it.
+    """
+
+    name: str
+    strands: float
+    caught: bool
+    applies: bool
+    evidence: str
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One claim, whether it holds, the worst value found, its limit and where."""
+
+    name: str
+    passed: bool
+    value: float
+    limit: float
+    where: str
+    meaning: str
+
+
+@dataclass(frozen=True)
+class Report:
+    """All cases, controls and verdicts of a check; `ok` if every verdict holds."""
+
+    cases: tuple[Case, ...]
+    controls: tuple[Control, ...]
+    verdicts: tuple[Verdict, ...]
+    samples: int
+    level: float
+
+    @property
+    def ok(self) -> bool:
+        """Whether every verdict holds."""
+        return all(v.passed for v in self.verdicts)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the report as plain values that JSON can hold (NaN as None)."""
+        return _without_nan({"ok": self.ok, **asdict(self)})
+
+    def __repr__(self) -> str:
+        lines = [f"Report({'ok' if self.ok else 'FAILED'}: {len(self.cases)} cases of {self.samples:,} samples)"]
+        lines += [
+            f"  {'pass' if v.passed else 'FAIL'}  {v.name}: {v.value:.4g} (limit {v.limit:.4g}) {v.where}"
+            for v in self.verdicts
+        ]
+        return "\n".join(lines)
+
+
+def check(
+    sampler: Sampler,
+    model: Bcsdf,
+    *,
+    theta_r: ArrayLike | None = None,
+    strands: Sequence[float] | None = None,
+    samples: int = 1_000_000,
+    level: float = 1e-3,
+    seed: int = 1,
+    progress: Callable[[str, float], None] | None = None,
+) -> Report:
+    """Check a sampler: its pdf integrates to 1, its samples follow it, and it estimates ∫ f cos without bias.
+
+    Parameters
+    ----------
+    sampler, model
+        The sampler, and the scattering function it is for.
+    theta_r
+        Viewer inclinations, radians in (-pi/2, pi/2); ±{0, 30, 60, 75, 85}° if left out.
+    strands
+        Strand counts; the sampler's own if left out.
+    samples
+        Samples a case, in single precision, as renderers draw them; 10,000 to 100 million.
+    level
+        Chance that a correct sampler fails any one family of tests (chi-square, mean): Šidák over all cases.
+    seed
+        Of the random numbers.
+    progress
+        Called with a phase and a fraction from 0 to 1.
+
+    Returns
+    -------
+    Report
+        Verdicts with numbers; `report.ok`. It carries negative controls: a lobe 5 % too wide, phi shifted by half a
+        bin and a pdf scaled by 1 % must be caught at this sample size, else the check itself fails.
+    """
+    angles = DEFAULT_ANGLES if theta_r is None else validate.angles("theta_r", theta_r, np.pi / 2 * (1 - 1e-6), np.float64)
+    counts = sampler.strands if strands is None else tuple(validate.number("strands", n, 0, 1e4) for n in strands)
+    validate.integer("samples", samples, 10_000, 100_000_000)
+    validate.number("level", level, 1e-9, 0.5)
+    validate.integer("seed", seed, 0, 2**63 - 1)
+    report = progress or (lambda phase, fraction: None)
+    pairs = [(float(t), n) for n in counts for t in np.atleast_1d(angles)]
+    each = 1 - (1 - level) ** (1 / len(pairs))
+    critical = float(stats.norm.isf(each / 2))
+
+    cases = []
+    for i, (t, n) in enumerate(pairs):
+        report(f"theta_r {np.degrees(t):.3g}°, {n:g} strands", i / (len(pairs) + len(counts)))
+        cases.append(_case(sampler, _model_for(model, n), t, n, samples, np.random.default_rng([seed, i])))
+    controls: list[Control] = []
+    for j, n in enumerate(counts):
+        report(f"negative controls, {n:g} strands", (len(pairs) + j) / (len(pairs) + len(counts)))
+        controls += _controls(sampler, n, samples, each, np.random.default_rng([seed, len(pairs) + j]))
+    report("done", 1.0)
+    verdicts = _verdicts(cases, controls, each, critical)
+    return Report(tuple(cases), tuple(controls), tuple(verdicts), samples, level)
+
+
+def integrate_pdf(density: Density, sampler: Sampler, theta_r: float, strands: float, dtype: Any = np.float64) -> float:
+    """Return ∫ pdf d omega over the sphere by Gauss-Legendre panels between the quantiles of `sampler`'s lobes."""
+    lobes = range(len(sampler.mixture(theta_r, strands).weights))
+    theta = np.concatenate([sampler.icdf_theta(_QUANTILES, theta_r, k, strands) for k in lobes])
+    phi = np.concatenate([sampler.icdf_phi(_QUANTILES, theta_r, k, strands) for k in lobes])
+    order = 10 if len(lobes) <= 4 else 6
+    x, wx = gauss_legendre(_edges(theta, np.pi / 2), order)
+    y, wy = gauss_legendre(_edges(np.concatenate([phi, -phi]) if sampler.even else phi, np.pi), order)
+    xs, ys = x.astype(dtype), y.astype(dtype)
+    p = density.pdf(xs[:, None], np.asarray(theta_r, dtype), ys[None, :], strands).astype(np.float64)
+    return float((wx * np.cos(xs.astype(np.float64))) @ p @ wy)
+
+
+def _edges(inner: NDArray[np.float64], end: float) -> NDArray[np.float64]:
+    edges = np.unique(np.concatenate([inner, np.linspace(-end, end, 9)]).clip(-end, end))
+    return edges[np.concatenate([[True], np.diff(edges) > 1e-9])]
+
+
+def _model_for(model: Bcsdf, strands: float) -> Bcsdf:
+    if strands == getattr(model, "strands", strands):
+        return model
+    if not callable(getattr(model, "with_strands", None)):
+        raise TypeError(
+            f"{type(model).__name__} knows no strands: give a model with with_strands(n) to check at {strands:g}"
+        )
+    return model.with_strands(strands)  # type: ignore[attr-defined]
+
+
+def _draw(sampler: Sampler, theta_r: float, strands: float, samples: int, rng: np.random.Generator) -> tuple[NDArray, ...]:
+    u = rng.random((samples, 3), np.float32)
+    return tuple(sampler.sample(np.float32(theta_r), u, strands))
+
+
+class _Cells:
+    """Cells of like probability and what a sampler's closed-form cdfs expect in them."""
+
+    def __init__(self, sampler: Sampler, theta_r: float, strands: float) -> None:
+        self._sampler, self._theta_r, self._strands = sampler, theta_r, strands
+        self._weights = sampler.mixture(theta_r, strands).weights
+        axes = []
+        for cdf, end in ((sampler.cdf_theta, np.pi / 2), (sampler.cdf_phi, np.pi)):
+            x = np.linspace(-end, end, 4001)
+            total = sum(w * cdf(x, *self._at(k)) for k, w in enumerate(self._weights))
+            inner = np.interp(np.linspace(0, 1, CELLS + 1)[1:-1], total, x)
+            axes.append(np.unique(np.concatenate([[-end - 1e-6], inner, [end + 1e-6]])))
+        self.theta, self.phi = axes
+        theta, phi = self.theta.clip(-np.pi / 2, np.pi / 2), self.phi.clip(-np.pi, np.pi)
+        self.probability = sampler.cell_probabilities(theta, phi, theta_r, strands)
+
+    def _at(self, lobe: int) -> tuple[float, int, float]:
+        return self._theta_r, lobe, self._strands
+
+    def test(self, theta: NDArray, phi: NDArray) -> tuple[float, int, float]:
+        """Return chi-square and degrees of freedom over the cells, and a p-value of three tests.
+
+        Over the cells, over theta alone and over phi alone: the least of the three p-values times three. The last two
+        see with few degrees of freedom what runs along one axis.
+        """
+        counts = np.zeros(self.probability.shape, np.int64)
+        if _core.histogram(theta, phi, self.theta, self.phi, counts):
+            return np.inf, 1, 0.0
+        tests = [_chi_square(counts.sum(axis=a), self.probability.sum(axis=a) * len(theta)) for a in ((), 0, 1)]
+        return tests[0][0], tests[0][1], min(1.0, 3 * min(p for *_, p in tests))
+
+    def shift_is_seen(self, shift: float, samples: int, level: float) -> bool:
+        """Whether turning phi by `shift` alters the density enough to be caught 999 times in 1,000."""
+        at = (self.phi.clip(-np.pi, np.pi) - shift + np.pi) % (2 * np.pi) - np.pi
+        moved = np.zeros_like(self.probability)
+        for k, weight in enumerate(self._weights):
+            along_theta = np.diff(self._sampler.cdf_theta(self.theta.clip(-np.pi / 2, np.pi / 2), *self._at(k)))
+            moved += weight * np.outer(along_theta, np.diff(self._sampler.cdf_phi(at, *self._at(k))) % 1.0)
+        for axis in ((), 0, 1):
+            p, q = self.probability.sum(axis=axis).ravel(), moved.sum(axis=axis).ravel()
+            kept = p * samples >= LEAST_EXPECTED
+            noncentrality = samples * float(((q - p)[kept] ** 2 / p[kept]).sum())
+            dof = max(int(kept.sum()) - 1, 1)
+            if stats.ncx2.sf(stats.chi2.isf(level / 3, dof), dof, max(noncentrality, 1e-9)) > 0.999:
+                return True
+        return False
+
+
+def _chi_square(counts: NDArray, expected_counts: NDArray) -> tuple[float, int, float]:
+    expected, observed = expected_counts.ravel(), counts.ravel().astype(np.float64)
+    small = expected < LEAST_EXPECTED
+    kept_e, kept_o = expected[~small], observed[~small]
+    if small.any():
+        rest_e, rest_o = expected[small].sum(), observed[small].sum()
+        if rest_e < LEAST_EXPECTED:  # too few even together: into the smallest cell that counts
+            at = np.argmin(kept_e)
+            kept_e[at] += rest_e
+            kept_o[at] += rest_o
+        else:
+            kept_e, kept_o = np.append(kept_e, rest_e), np.append(kept_o, rest_o)
+    chi2 = float(((kept_o - kept_e) ** 2 / kept_e).sum())
+    dof = len(kept_e) - 1
+    return chi2, dof, float(stats.chi2.sf(chi2, dof)) if dof else 1.0
+
+
+def _case(sampler: Sampler, model: Bcsdf, theta_r: float, strands: float, samples: int, rng: np.random.Generator) -> Case:
+    theta, phi, p = _draw(sampler, theta_r, strands, samples, rng)
+    chi2, dof, p_value = _Cells(sampler, theta_r, strands).test(theta, phi)
+    quality = measure(sampler, model, theta_r, strands)
+    count = min(samples, 100_000)
+    ti = theta[:count].astype(np.float64)
+    f = luminance(np.asarray(model.eval(ti, theta_r, phi[:count].astype(np.float64)), np.float64)) * np.cos(ti)
+    weight = f / p[:count]
+    expected = float(luminance(np.array(quality.energy)))
+    estimate, deviation = float(weight.mean()), float(weight.std())
+    heavy = float((weight**2).max() / (weight**2).sum()) > _HEAVY
+    # Quadrature's own error is below 1e-4 of the energy for the models at hand: it must not be called a bias.
+    error = np.hypot(deviation / np.sqrt(count), 1e-4 * expected)
+    again = sampler.pdf(theta[:count], np.float32(theta_r), phi[:count], strands)
+    return Case(
+        theta_r=theta_r,
+        strands=strands,
+        integral=integrate_pdf(sampler, sampler, theta_r, strands),
+        integral_single=integrate_pdf(sampler, sampler, theta_r, strands, np.float32),
+        chi2=chi2,
+        dof=dof,
+        p_value=p_value,
+        estimate=estimate,
+        expected=expected,
+        z=float("nan") if heavy else (estimate - expected) / error,
+        pdf_mismatch=float(np.max(np.abs(again / p[:count] - 1))),
+        ess=quality.ess,
+        ess_channels=quality.ess_channels,
+        largest_weight=quality.largest_weight,
+        total_variation=quality.total_variation,
+    )
+
+
+class _Scaled:
+    """A pdf that lies by a factor."""
+
+    def __init__(self, sampler: Sampler, factor: float) -> None:
+        self._sampler, self._factor = sampler, factor
+
+    def pdf(self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike, strands: ArrayLike | None = None) -> NDArray:
+        return self._factor * self._sampler.pdf(theta_i, theta_r, phi, strands)
+
+
+def widened(sampler: Sampler, lobe: int, factor: float) -> Sampler:
+    """Return a sampler with one lobe's widths scaled: a negative control."""
+    nodes = sampler.nodes.copy()
+    nodes[:, :, [2, 4], lobe] *= factor
+    return replace(sampler, nodes=nodes)
+
+
+def _controls(sampler: Sampler, strands: float, samples: int, each: float, rng: np.random.Generator) -> list[Control]:
+    theta_r = 0.0
+    cells = _Cells(sampler, theta_r, strands)
+    heaviest = int(np.argmax(sampler.mixture(theta_r, strands).weights)) % sampler.lobes
+    theta, phi, _ = _draw(widened(sampler, heaviest, 1.05), theta_r, strands, samples, rng)
+    wide = cells.test(theta, phi)[2]
+    theta, phi, _ = _draw(sampler, theta_r, strands, samples, rng)
+    half_bin = np.pi / CELLS
+    turned = np.pi - np.mod(np.pi - half_bin - phi.astype(np.float64), 2 * np.pi)  # (-pi, pi]
+    shifted = cells.test(theta, turned.astype(np.float32))[2]
+    seen = cells.shift_is_seen(half_bin, samples, each)
+    scaled = abs(integrate_pdf(_Scaled(sampler, 1.01), sampler, theta_r, strands) - 1)
+    return [
+        Control("heaviest lobe 5 % too wide", strands, wide < each, True, f"p = {wide:.2g}"),
+        Control("phi shifted by half a bin", strands, shifted < each, seen, f"p = {shifted:.2g}"),
+        Control("pdf scaled by 1 %", strands, scaled > INTEGRAL_DOUBLE, True, f"|∫ pdf - 1| = {scaled:.2g}"),
+    ]
+
+
+def _where(case: Case) -> str:
+    return f"at theta_r {np.degrees(case.theta_r):.3g}°, {case.strands:g} strands"
+
+
+def _verdicts(cases: Sequence[Case], controls: Sequence[Control], each: float, critical: float) -> list[Verdict]:
+    def worst(key: Callable[[Case], float]) -> Case:
+        return max(cases, key=key)
+
+    def small(name: str, key: Callable[[Case], float], limit: float, meaning: str) -> Verdict:
+        # A NaN compares false and so fails: every value must be known to be within.
+        bad = [c for c in cases if not key(c) <= limit]
+        at = bad[0] if bad else worst(key)
+        return Verdict(name, not bad, key(at), limit, _where(at), meaning)
+
+    least = min(cases, key=lambda c: c.p_value)
+    testable = [c for c in cases if np.isfinite(c.z)]
+    verdicts = [
+        small("∫ pdf, double", lambda c: abs(c.integral - 1), INTEGRAL_DOUBLE, "the pdf is a density: |∫ pdf - 1|"),
+        small("∫ pdf, single", lambda c: abs(c.integral_single - 1), INTEGRAL_SINGLE, "so it is in single precision"),
+        Verdict(
+            "chi-square",
+            all(c.p_value >= each for c in cases),
+            least.p_value,
+            each,
+            _where(least),
+            "samples follow the pdf: least p-value over all cases, limit by Šidák",
+        ),
+        small("pdf of a sample", lambda c: c.pdf_mismatch, 1e-3, "sample and pdf tell one density: relative difference"),
+    ]
+    mean = "mean of f cos/p"
+    if testable:
+        far = max(testable, key=lambda c: abs(c.z))
+        left = len(cases) - len(testable)
+        meaning = "the estimate has no bias: standard errors from ∫ f cos"
+        if left:
+            meaning += f"; {left} cases left out, where one sample dominates"
+        verdicts.append(Verdict(mean, abs(far.z) <= critical, abs(far.z), critical, _where(far), meaning))
+    else:
+        meaning = "weights have no bound: one sample dominates every case"
+        verdicts.append(Verdict(mean, False, float("nan"), critical, "everywhere", meaning))
+    missed = [c for c in controls if c.applies and not c.caught]
+    idle = sum(not c.applies and not c.caught for c in controls)
+    where = f"{sum(c.caught for c in controls)} of {len(controls)} caught"
+    if missed:
+        where += f"; missed: {missed[0].name}, {missed[0].strands:g} strands"
+    if idle:
+        where += f"; {idle} too small a change to be seen"
+    meaning = "samplers broken on purpose are caught at this sample size"
+    verdicts.append(Verdict("negative controls", not missed, len(missed), 0, where, meaning))
+    return verdicts
+
+
+def _without_nan(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, dict):
+        return {k: _without_nan(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_without_nan(v) for v in value]
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value

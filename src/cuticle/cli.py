@@ -1,0 +1,323 @@
+"""The command line: `cuticle fibres`, `cuticle fit`, `cuticle check`."""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich import box
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from cuticle import validate
+from cuticle.check import Report, check
+from cuticle.fibre import Fibre
+from cuticle.files import read_text, writable_directory, write_bytes, write_text
+from cuticle.fit import FORMS, OBJECTIVES, Fit, fit
+from cuticle.models import DualScattering, Marschner
+from cuticle.presets import PRESETS
+from cuticle.sampler import MAX_LOBES, Sampler
+
+app = typer.Typer(
+    help="Importance samplers for hair fibres: fitted to a scattering function, and proven.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+# A pipe or a file has no width of its own: give the tables room there.
+out = Console() if sys.stdout.isatty() else Console(width=118)
+err = Console(stderr=True)
+
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON for scripts instead of a table.")]
+FibreArgument = Annotated[
+    str, typer.Argument(metavar="PRESET|FILE.toml", help="A preset's name, or a TOML file with one table [fibre].")
+]
+
+
+@contextmanager
+def _progress(quiet: bool) -> Iterator[Callable[[str, float], None]]:
+    """Show a bar on standard error while something runs; nothing where it is no terminal or JSON was asked for."""
+    columns = (TextColumn("{task.description:<34}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=err, transient=True, disable=quiet or not err.is_terminal) as bar:
+        task = bar.add_task("starting", total=1.0)
+        yield lambda phase, fraction: bar.update(task, description=phase, completed=fraction)
+
+
+def read_fibre(name: str) -> Fibre:
+    """Return a preset by name or a fibre from a TOML file."""
+    if name in PRESETS:
+        return Fibre.preset(name)
+    if not name.endswith(".toml") and not Path(name).exists():
+        raise ValueError(f"fibre must be a preset ({', '.join(PRESETS)}) or a TOML file, got {name!r}")
+    return Fibre.load(name)
+
+
+def read_strands(text: str) -> tuple[float, ...]:
+    """Return strand counts from text such as 0,1,2,4,8."""
+    try:
+        counts = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise ValueError(f"--strands must be numbers with commas between, such as 0,1,2,4,8; got {text!r}") from None
+    return tuple(validate.number("--strands", n, 0, 1e4, remedy="it counts strands toward the light") for n in counts)
+
+
+def _table(title: str, caption: str | None = None) -> Table:
+    return Table(title=title, caption=caption, box=box.SIMPLE_HEAD, pad_edge=False, title_style="bold", title_justify="left")
+
+
+@app.command()
+def fibres(
+    json_output: JsonOption = False,
+    toml: Annotated[
+        str | None, typer.Option(metavar="PRESET", help="Print this preset as TOML, to start a file from.")
+    ] = None,
+) -> None:
+    """List the published fibres and where their numbers come from."""
+    if toml is not None:
+        print(Fibre.preset(toml).to_toml(), end="")
+        return
+    if json_output:
+        print(
+            json.dumps({name: Fibre.preset(name).model_dump(exclude_none=True, mode="json") for name in PRESETS}, indent=2)
+        )
+        return
+    table = _table("Fibres: angles in degrees of theta_h, sigma_a per radius")
+    for column in ("name", "alpha R, TT, TRT", "beta R, TT, TRT", "beta_N", "eta", "sigma_a"):
+        table.add_column(column, no_wrap=True)
+    for name, make in PRESETS.items():
+        f = make()
+        angles = [", ".join(f"{x:.3g}" for x in np.degrees(v)) for v in (f.alpha, f.beta)]
+        table.add_row(name, *angles, f"{f.beta_N:g}", f"{f.eta:g}", ", ".join(f"{x:.3g}" for x in f.absorption))
+    out.print(table)
+    for name, make in PRESETS.items():
+        out.print(f"[bold]{name}[/]: {(make.__doc__ or '').strip().splitlines()[0]}")
+
+
+@app.command("fit")
+def fit_command(
+    fibre: FibreArgument,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for sampler.json, fit.json and fibre.toml.")
+    ],
+    strands: Annotated[
+        str, typer.Option(metavar="N,N,…", help="Strand counts toward the light; 0 is direct light.")
+    ] = "0,1,2,4,8",
+    lobes: Annotated[
+        str, typer.Option(metavar="K|auto", help=f"Lobes, 1 to {MAX_LOBES}; auto: as many as pay for themselves.")
+    ] = "4",
+    form: Annotated[str, typer.Option(help=" | ".join(FORMS))] = "lobes",
+    objective: Annotated[str, typer.Option(help=" | ".join(OBJECTIVES))] = "luminance",
+    defensive: Annotated[float, typer.Option(help="Share of the nearly uniform lobe in the document's form.")] = 0.1,
+    json_output: JsonOption = False,
+) -> None:
+    """Fit a sampler to a fibre."""
+    parsed = read_fibre(fibre)
+    counts = read_strands(strands)
+    number = _lobes(lobes)
+    validate.choice("--form", form, FORMS)
+    validate.choice("--objective", objective, OBJECTIVES)
+    validate.number("--defensive", defensive, 0, 0.99)
+    model = DualScattering(parsed)
+    folder = writable_directory(output)
+    with _progress(json_output) as progress:
+        result = fit(model, number, strands=counts, form=form, objective=objective, defensive=defensive, progress=progress)
+    result.sampler.save(folder / "sampler.json")
+    parsed.save(folder / "fibre.toml")
+    summary = fit_summary(result)
+    write_text(folder / "fit.json", json.dumps(summary, indent=2) + "\n")
+    if json_output:
+        print(json.dumps(summary, indent=2))
+        return
+    out.print(fit_table(result))
+    out.print(f"wrote {folder / 'sampler.json'}, {folder / 'fit.json'}, {folder / 'fibre.toml'}", soft_wrap=True)
+
+
+@app.command("check")
+def check_command(
+    sampler: Annotated[
+        Path, typer.Argument(metavar="SAMPLER.json", help="A sampler that `cuticle fit` wrote, or its folder.")
+    ],
+    fibre: Annotated[
+        str | None, typer.Option(metavar="PRESET|FILE.toml", help="Check against this fibre, not the sampler's own.")
+    ] = None,
+    strands: Annotated[
+        str | None, typer.Option(metavar="N,N,…", help="Strand counts; the sampler's own if left out.")
+    ] = None,
+    samples: Annotated[int, typer.Option(help="Samples a case.")] = 1_000_000,
+    seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 1,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write the report as JSON there, too.")
+    ] = None,
+    json_output: JsonOption = False,
+) -> None:
+    """Check a sampler: a table of verdicts, and exit code 1 where one fails."""
+    path = sampler / "sampler.json" if sampler.is_dir() else sampler
+    loaded = Sampler.from_json(read_text(path, "sampler"), source=str(path))
+    model = _model(loaded, fibre)
+    counts = None if strands is None else read_strands(strands)
+    with _progress(json_output) as progress:
+        report = check(loaded, model, strands=counts, samples=samples, seed=seed, progress=progress)
+    text = json.dumps(report.to_dict(), indent=2, allow_nan=False) + "\n"
+    if output is not None:
+        write_text(output, text)
+    if json_output:
+        print(text, end="")
+    else:
+        for table in check_tables(report):
+            out.print(table)
+    if not report.ok:
+        raise typer.Exit(1)
+
+
+@app.command("demo", hidden=True)
+def demo_command(output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR")] = Path("out/demo")) -> None:
+    """Fit, check and picture the document fibre: what `make demo` runs."""
+    from cuticle.quality import UniformSphere, measure
+    from cuticle.report.densities import densities_figure
+
+    folder = writable_directory(output)
+    model = DualScattering(Fibre.preset("document"))
+    with _progress(False) as progress:
+        result = fit(model, 4, strands=(0, 1, 2, 4, 8), progress=progress)
+    result.sampler.save(folder / "sampler.json")
+    with _progress(False) as progress:
+        report = check(result.sampler, model, progress=progress)
+    tables = check_tables(report)
+    recorder = Console(record=True, width=118, file=io.StringIO())
+    for table in tables:
+        recorder.print(table)
+    write_text(folder / "check.txt", recorder.export_text())
+    write_text(folder / "check.json", json.dumps(report.to_dict(), indent=2, allow_nan=False) + "\n")
+    write_bytes(folder / "densities.png", densities_figure(result.sampler, model))
+    out.print(fit_table(result))
+    for table in tables:
+        out.print(table)
+    uniform = [measure(UniformSphere(), model.with_strands(n), 0.0).ess for n in result.sampler.strands]
+    out.print(
+        "ESS 1 would be a perfect match: a sample is then worth as much as one drawn from f·cos itself; 1/ESS is how many"
+        f" times more samples equal noise takes. A uniform sphere has {', '.join(f'{e:.3f}' for e in uniform)} here, at"
+        " theta_r 0°.\n"
+        f"sampler  {folder / 'sampler.json'}\ncheck    {folder / 'check.txt'}, {folder / 'check.json'}\n"
+        f"picture  {folder / 'densities.png'}: f·cos beside the fitted pdf, seven viewers, direct and through two strands",
+        soft_wrap=True,
+    )
+    if not report.ok:
+        raise typer.Exit(1)
+
+
+def _lobes(text: str) -> int | None:
+    if text == "auto":
+        return None
+    try:
+        number = int(text)
+    except ValueError:
+        raise ValueError(f"--lobes must be a whole number from 1 to {MAX_LOBES} or auto, got {text!r}") from None
+    return validate.integer("--lobes", number, 1, MAX_LOBES, remedy="4 suits most fibres; auto lets the program choose")
+
+
+def _model(sampler: Sampler, fibre: str | None) -> Any:
+    about = sampler.about
+    if fibre is not None:
+        return DualScattering(read_fibre(fibre))
+    own = sampler.fibre
+    if own is None:
+        raise ValueError("this sampler does not say which fibre it is for; give one with --fibre")
+    if about.get("model") == "Marschner":
+        return Marschner(own, about.get("longitudinal", "gaussian"))
+    return DualScattering(own, sampler.strands[0], about.get("formulation"), about.get("longitudinal"))
+
+
+def fit_summary(result: Fit) -> dict[str, Any]:
+    """Return a fit's quality as plain values."""
+    return {
+        "form": result.form,
+        "objective": result.objective,
+        "lobes": result.sampler.lobes,
+        "seconds": round(result.seconds, 3),
+        "theta_r_degrees": np.degrees(result.theta_r).round(6).tolist(),
+        "strands": list(result.sampler.strands),
+        "ess": result.ess.round(6).tolist(),
+        "ess_channels": result.ess_channels.round(6).tolist(),
+        "largest_weight": result.largest_weight.round(6).tolist(),
+        "candidates": [c._asdict() for c in result.candidates],
+    }
+
+
+def fit_table(result: Fit) -> Table:
+    """Return the table of ESS by strand count and viewer."""
+    caption = f"fitted in {result.seconds:.2f} s"
+    if result.candidates:
+        caption += f"; {result.sampler.lobes} lobes: the fewest past which ESS per cost of a traced sample stops growing"
+    table = _table(f"ESS: {result.form}, {result.sampler.lobes} lobes, objective {result.objective}", caption=caption)
+    table.add_column("strands", justify="right")
+    for t in np.degrees(result.theta_r):
+        table.add_column(f"{t:.0f}°", justify="right")
+    table.add_column("blue/last channel" if result.ess_channels.shape[2] > 1 else "largest weight", justify="right")
+    for n, row, channels, weights in zip(
+        result.sampler.strands, result.ess, result.ess_channels, result.largest_weight, strict=True
+    ):
+        last = f"{channels[:, -1].min():.3f}" if channels.shape[1] > 1 else f"{weights.max():.3g}"
+        table.add_row(f"{n:g}", *(f"{e:.3f}" for e in row), last)
+    return table
+
+
+def check_tables(report: Report) -> list[Table]:
+    """Return the verdicts, the controls and the cases as tables."""
+    verdicts = _table(f"Verdicts: {len(report.cases)} cases of {report.samples:,} samples")
+    for column in ("", "claim", "worst", "limit", "where", "what it means"):
+        verdicts.add_column(column)
+    for v in report.verdicts:
+        mark = "[green]pass[/]" if v.passed else "[red]FAIL[/]"
+        verdicts.add_row(mark, v.name, f"{v.value:.2g}", f"{v.limit:.2g}", v.where, v.meaning)
+    cases = _table("ESS by viewer and strands, largest weight f·cos/(p ∫ f·cos), TV distance (worst viewer)")
+    cases.add_column("strands", justify="right")
+    angles = list(dict.fromkeys(c.theta_r for c in report.cases))
+    for t in angles:
+        cases.add_column(f"{np.degrees(t):.3g}°", justify="right")
+    cases.add_column("weight", justify="right")
+    cases.add_column("TV", justify="right")
+    for n in dict.fromkeys(c.strands for c in report.cases):
+        row = [c for c in report.cases if c.strands == n]
+        worst = f"{max(c.largest_weight for c in row):.3g}", f"{max(c.total_variation for c in row):.3f}"
+        cases.add_row(f"{n:g}", *(f"{c.ess:.3f}" for c in row), *worst)
+    controls = _table("Negative controls: samplers broken on purpose")
+    for column in ("strands", "control", "caught", "evidence"):
+        controls.add_column(column)
+    for c in report.controls:
+        caught = "yes" if c.caught else "NO" if c.applies else "too small a change"
+        controls.add_row(f"{c.strands:g}", c.name, caught, c.evidence)
+    return [cases, controls, verdicts]
+
+
+# The base of what Typer raises for a wrong command line: Click's own class, or the copy that newer Typer carries.
+_UsageError: Any = next(c for c in typer.BadParameter.__mro__ if c.__name__ == "ClickException")
+
+
+def main() -> None:
+    """Run the command line: exit code 2 and one line for bad input, 1 for a verdict that fails."""
+    try:
+        code = app(args=sys.argv[1:] or ["--help"], standalone_mode=False)
+    except _UsageError as error:
+        code = _complain(error.format_message())
+    except (ValueError, TypeError) as error:
+        code = _complain(str(error))
+    except (KeyboardInterrupt, typer.Abort):
+        code = _complain("stopped", code=130)
+    sys.exit(code or 0)
+
+
+def _complain(message: str, code: int = 2) -> int:
+    err.print(f"cuticle: {' '.join(message.split())}", markup=False, highlight=False, soft_wrap=True)
+    return code
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,143 @@
+"""What a sampler has to match: f·cos(theta_i) for one viewer, on a grid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cuticle import validate
+from cuticle.models import Bcsdf
+
+REC709 = (0.2126, 0.7152, 0.0722)
+
+
+class Peak(NamedTuple):
+    """Where the luminance of f·cos is largest: theta_i and phi in radians, and its value there (1/sr)."""
+
+    theta_i: float
+    phi: float
+    value: float
+
+
+def luminance(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the luminance of values whose last axis is channels: Rec. 709 for three, else their mean."""
+    if values.shape[-1] == 3:
+        return values @ np.array(REC709)
+    return values.mean(axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class Distribution:
+    """f·cos(theta_i) for one viewer, at the centres of a grid of cells.
+
+    Attributes
+    ----------
+    theta_r
+        The viewer's inclination, radians.
+    theta_i, phi
+        Cell centres, radians, evenly spaced, shapes (A,) and (B,).
+    values
+        f·cos(theta_i), 1/sr, shape (A, B, channels).
+    """
+
+    theta_r: float
+    theta_i: NDArray[np.float64]
+    phi: NDArray[np.float64]
+    values: NDArray[np.float64]
+
+    def __repr__(self) -> str:
+        p = self.peak
+        return (
+            f"Distribution(theta_r {np.degrees(self.theta_r):.4g}°, peak at theta_i {np.degrees(p.theta_i):.4g}°,"
+            f" phi {np.degrees(p.phi):.4g}°, energy {luminance(self.energy):.4g})"
+        )
+
+    @property
+    def luminance(self) -> NDArray[np.float64]:
+        """Luminance of `values`, shape (A, B)."""
+        return luminance(self.values)
+
+    @property
+    def _steps(self) -> tuple[float, float]:
+        return np.pi / len(self.theta_i), 2 * np.pi / len(self.phi)
+
+    @property
+    def energy(self) -> NDArray[np.float64]:
+        """∫ f cos theta_i d omega_i, one value a channel."""
+        return self.marginal_theta.sum(axis=0) * self._steps[0]
+
+    @property
+    def marginal_theta(self) -> NDArray[np.float64]:
+        """∫ f cos theta_i · cos theta_i d phi, per radian of theta_i, shape (A, channels)."""
+        return self.values.sum(axis=1) * np.cos(self.theta_i)[:, None] * self._steps[1]
+
+    @property
+    def marginal_phi(self) -> NDArray[np.float64]:
+        """∫ f cos theta_i · cos theta_i d theta_i, per radian of phi, shape (B, channels)."""
+        return np.einsum("abc,a->bc", self.values, np.cos(self.theta_i)) * self._steps[0]
+
+    @property
+    def peak(self) -> Peak:
+        """The maximum of the luminance, refined between cells by a parabola along each axis."""
+        grid = self.luminance
+        a, b = np.unravel_index(np.argmax(grid), grid.shape)
+        step_t, step_p = self._steps
+        theta = self.theta_i[a]
+        if 0 < a < len(self.theta_i) - 1:
+            theta = theta + step_t * _vertex(grid[a - 1 : a + 2, b])
+        count = len(self.phi)
+        phi = self.phi[b] + step_p * _vertex(grid[a, [(b - 1) % count, b, (b + 1) % count]])
+        phi = float(np.pi - (np.pi - phi) % (2 * np.pi))
+        return Peak(float(theta), phi, float(grid[a, b]))
+
+
+def _vertex(y: NDArray[np.float64]) -> float:
+    bend = y[0] - 2 * y[1] + y[2]
+    return float(np.clip(0.5 * (y[0] - y[2]) / bend, -0.5, 0.5)) if bend < 0 else 0.0
+
+
+def tabulate(model: Bcsdf, theta_r: float, *, n_theta: int = 360, n_phi: int = 720) -> Distribution:
+    """Tabulate f·cos(theta_i) of a model for one viewer.
+
+    Parameters
+    ----------
+    model
+        Any object with `eval(theta_i, theta_r, phi)`.
+    theta_r
+        The viewer's inclination, radians in [-pi/2, pi/2].
+    n_theta, n_phi
+        Cells over [-pi/2, pi/2] and over (-pi, pi].
+
+    Examples
+    --------
+    >>> import cuticle
+    >>> d = cuticle.tabulate(cuticle.Marschner(cuticle.Fibre.preset("marschner")), 0.0)
+    >>> bool(abs(d.peak.phi) > 3)
+    True
+    """
+    tr = validate.number("theta_r", theta_r, -validate.HALF_PI, validate.HALF_PI, unit="rad", remedy=validate.RADIANS)
+    validate.integer("n_theta", n_theta, 2, 20000)
+    validate.integer("n_phi", n_phi, 2, 20000)
+    theta_i = (np.arange(n_theta) + 0.5) / n_theta * np.pi - np.pi / 2
+    phi = (np.arange(n_phi) + 0.5) / n_phi * 2 * np.pi - np.pi
+    return Distribution(tr, theta_i, phi, evaluate(model, theta_i, tr, phi))
+
+
+def evaluate(model: Bcsdf, theta_i: NDArray, theta_r: float, phi: NDArray) -> NDArray[np.float64]:
+    """Return f·cos(theta_i) on the product of two axes, checked: shape (A, B, channels), finite, not negative."""
+    f = np.asarray(model.eval(theta_i[:, None], theta_r, phi[None, :]), np.float64)
+    shape = (len(theta_i), len(phi))
+    if f.ndim != 3 or f.shape[:2] != shape:
+        raise ValueError(
+            f"model.eval must return shape {(*shape, 'channels')} for angles that broadcast to {shape}, got {f.shape}"
+        )
+    if not np.isfinite(f).all() or (f < 0).any():
+        a, b, c = (int(i) for i in np.argwhere(~(np.isfinite(f) & (f >= 0)))[0])
+        raise ValueError(
+            f"model.eval must be finite and at least 0, got {f[a, b, c]:g} at theta_i {theta_i[a]:.4g},"
+            f" theta_r {theta_r:.4g}, phi {phi[b]:.4g} rad"
+        )
+    return f * np.cos(theta_i)[:, None, None]

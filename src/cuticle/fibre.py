@@ -1,0 +1,214 @@
+"""Fibres: the parameters of one hair, validated and frozen."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict
+
+from cuticle import validate
+from cuticle.files import read_text, write_text
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+LOBES = ("R", "TT", "TRT")
+EUMELANIN = (0.419, 0.697, 1.37)
+PHEOMELANIN = (0.187, 0.4, 1.05)
+
+# name: (low, high, unit, remedy, open at the low end)
+_RANGES: dict[str, tuple[float, float, str, str, bool]] = {
+    "alpha_R": (-45, 45, "degrees", "published fibres have -10 to -5", False),
+    "alpha_TT": (-45, 45, "degrees", "leave it out for -alpha_R / 2", False),
+    "alpha_TRT": (-45, 45, "degrees", "leave it out for -3 alpha_R / 2", False),
+    "beta_R": (0.1, 60, "degrees", "published fibres have 5 to 10", False),
+    "beta_TT": (0.1, 60, "degrees", "leave it out for beta_R / 2", False),
+    "beta_TRT": (0.1, 90, "degrees", "leave it out for 2 beta_R", False),
+    "beta_N": (
+        0.2,
+        90,
+        "degrees",
+        "a perfectly smooth cross-section has caustics without bound; 0.2 is all but smooth",
+        False,
+    ),
+    "eta": (1, 3, "", "keratin has 1.55", True),
+    "eumelanin": (0, 100, "", "blond hair has 0.3, brown 1.3, black 8", False),
+    "pheomelanin": (0, 100, "", "red hair has about 1", False),
+    "d_f": (0, 1, "", "0.7 is usual", True),
+    "d_b": (0, 1, "", "0.7 is usual; 0 leaves backscatter out", False),
+}
+
+
+class Fibre(BaseModel):
+    """One hair fibre.
+
+    Angles are in degrees; alpha (shift) and beta (standard deviation) are those of Marschner et al. 2003 and
+    live in theta_h = (theta_i + theta_r)/2.
+
+    Parameters
+    ----------
+    alpha_R, alpha_TT, alpha_TRT
+        Longitudinal shift of each lobe. TT and TRT default to -alpha_R/2 and -3 alpha_R/2.
+    beta_R, beta_TT, beta_TRT
+        Longitudinal width of each lobe. TT and TRT default to beta_R/2 and 2 beta_R.
+    beta_N
+        Azimuthal roughness: standard deviation, degrees.
+    eta
+        Refractive index.
+    sigma_a
+        Absorption per fibre radius, one value or one a channel. Or give `eumelanin` and `pheomelanin`
+        instead, concentrations that stand for three channels of linear RGB.
+    d_f, d_b
+        Strand density factors of dual scattering, forward and backward.
+    formulation
+        Which dual scattering this fibre is meant for, "exact" or "zinke2008".
+
+    Raises
+    ------
+    ValueError
+        One line: the parameter, its range, the value received and a remedy.
+
+    Examples
+    --------
+    >>> import cuticle
+    >>> fibre = cuticle.Fibre(alpha_R=-7.5, beta_R=7.5, sigma_a=(0.2, 0.3, 0.8))
+    >>> [round(float(b), 2) for b in np.degrees(fibre.beta)]
+    [7.5, 3.75, 15.0]
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    alpha_R: float = -7.5
+    alpha_TT: float | None = None
+    alpha_TRT: float | None = None
+    beta_R: float = 7.5
+    beta_TT: float | None = None
+    beta_TRT: float | None = None
+    beta_N: float = 10.0
+    eta: float = 1.55
+    sigma_a: tuple[float, ...] | None = None
+    eumelanin: float | None = None
+    pheomelanin: float | None = None
+    d_f: float = 0.7
+    d_b: float = 0.7
+    formulation: Literal["exact", "zinke2008"] = "exact"
+
+    def __init__(self, **values: Any) -> None:
+        super().__init__(**_checked(values))
+
+    @property
+    def alpha(self) -> NDArray[np.float64]:
+        """Shifts of R, TT, TRT in radians of theta_h, shape (3,)."""
+        tt = -self.alpha_R / 2 if self.alpha_TT is None else self.alpha_TT
+        trt = -1.5 * self.alpha_R if self.alpha_TRT is None else self.alpha_TRT
+        return np.radians([self.alpha_R, tt, trt])
+
+    @property
+    def beta(self) -> NDArray[np.float64]:
+        """Widths of R, TT, TRT in radians of theta_h, shape (3,)."""
+        tt = self.beta_R / 2 if self.beta_TT is None else self.beta_TT
+        trt = 2 * self.beta_R if self.beta_TRT is None else self.beta_TRT
+        return np.radians([self.beta_R, tt, trt])
+
+    @property
+    def absorption(self) -> tuple[float, ...]:
+        """Absorption per radius, one value a channel, whether given directly or as pigment."""
+        if self.sigma_a is not None:
+            return self.sigma_a
+        eu, pheo = self.eumelanin or 0.0, self.pheomelanin or 0.0
+        return tuple(eu * e + pheo * p for e, p in zip(EUMELANIN, PHEOMELANIN, strict=True))
+
+    @property
+    def channels(self) -> int:
+        """How many values the scattering function has."""
+        return len(self.absorption)
+
+    def replace(self, **changes: Any) -> Fibre:
+        """Return a fibre with some parameters changed; a change of sigma_a drops pigments and the reverse."""
+        values = self.model_dump(exclude_none=True)
+        if "sigma_a" in changes:
+            values.pop("eumelanin", None)
+            values.pop("pheomelanin", None)
+        elif {"eumelanin", "pheomelanin"} & changes.keys():
+            values.pop("sigma_a", None)
+        return Fibre(**{**values, **changes})
+
+    @classmethod
+    def preset(cls, name: str) -> Fibre:
+        """Return a published fibre by name; `cuticle.presets` tells where each comes from."""
+        from cuticle import presets
+
+        return presets.PRESETS[validate.choice("preset", name, presets.PRESETS)]()
+
+    @classmethod
+    def from_toml(cls, text: str, *, source: str = "TOML") -> Fibre:
+        """Read a fibre from TOML text with one table, [fibre]; `source` names it in errors."""
+        try:
+            document = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise ValueError(f"{source} is not valid TOML: {error}") from None
+        table = document.get("fibre")
+        if not isinstance(table, dict) or set(document) != {"fibre"}:
+            raise ValueError(
+                f"{source} must hold one table, [fibre], got {sorted(document) or 'nothing'}; see `cuticle fibres --toml`"
+            )
+        try:
+            return cls(**table)
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"{source}: {error}") from None
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Fibre:
+        """Read a fibre from a TOML file."""
+        return cls.from_toml(read_text(path, "fibre"), source=str(path))
+
+    def to_toml(self) -> str:
+        """Return the fibre as TOML text that `from_toml` reads back to an equal value."""
+        lines = ["[fibre]"]
+        for name, value in self.model_dump(exclude_none=True).items():
+            if isinstance(value, tuple):
+                text = f"[{', '.join(repr(float(v)) for v in value)}]"
+            else:
+                text = f'"{value}"' if isinstance(value, str) else repr(float(value))
+            lines.append(f"{name} = {text}")
+        return "\n".join(lines) + "\n"
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the fibre to a TOML file, whole or not at all."""
+        return write_text(path, self.to_toml())
+
+
+def _checked(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return `values` in range and of the right kinds, or raise with one line."""
+    unknown = sorted(set(values) - set(Fibre.model_fields))
+    if unknown:
+        raise ValueError(f"a fibre has no parameter {unknown[0]!r}; it has {', '.join(Fibre.model_fields)}")
+    out = {name: value for name, value in values.items() if value is not None}
+    for name, (low, high, unit, remedy, above) in _RANGES.items():
+        if name in out:
+            out[name] = validate.number(name, out[name], low, high, unit=unit, remedy=remedy, above=above)
+    pigments = {"eumelanin", "pheomelanin"} & out.keys()
+    if "sigma_a" in out:
+        if pigments:
+            raise ValueError(f"give sigma_a or {' and '.join(sorted(pigments))}, not both")
+        given = out["sigma_a"]
+        channels = given if isinstance(given, (list, tuple, np.ndarray)) else [given]
+        if not 1 <= len(channels) <= 32:
+            raise ValueError(f"sigma_a must have 1 to 32 channels, got {len(channels)}; linear RGB has 3")
+        out["sigma_a"] = tuple(
+            validate.number(f"sigma_a[{i}]" if len(channels) > 1 else "sigma_a", x, 0, 1000, unit="per radius")
+            for i, x in enumerate(channels)
+        )
+    elif not pigments:
+        raise ValueError("a fibre needs its absorption: give sigma_a (per radius) or eumelanin and pheomelanin")
+    if "formulation" in out:
+        out["formulation"] = validate.choice("formulation", out["formulation"], ("exact", "zinke2008"))
+    return out

@@ -1,0 +1,295 @@
+"""Scattering functions of fibres: a single strand, and a strand among others."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cuticle import _core, validate
+from cuticle.fibre import LOBES, Fibre
+
+PARTS = (*LOBES, "back")
+FORMULATIONS = ("exact", "zinke2008")
+LONGITUDINAL = ("gaussian", "energy_conserving")
+MAX_STRANDS = 1e4
+
+_ROWS = 181  # azimuthal tables: theta_d in steps of half a degree
+_OFFSETS = 1024  # cells of the quadrature over h >= 0
+_AVERAGE_ROWS = 181
+_AVERAGE_LIMIT = np.radians(89.5)  # at the pole itself Fresnel's term is 1 and nothing is ever absorbed
+_AVERAGE_QUADRATURE = 1440
+
+
+@runtime_checkable
+class Bcsdf(Protocol):
+    """What a model has to offer: `eval` in 1/sr without a cosine, arrays broadcast, last axis = channels.
+
+    A model that is not even in phi says so with an attribute `even = False`.
+    """
+
+    def eval(self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike) -> NDArray[np.float64]:
+        """Return f(theta_i, theta_r, phi)."""
+        ...
+
+
+def is_even(model: object) -> bool:
+    """Whether a model says that it is even in phi; one that says nothing is taken not to be."""
+    return bool(getattr(model, "even", False))
+
+
+class AzimuthalTables(NamedTuple):
+    """N_p and its half-turn average on a grid, and the energies that go on and back."""
+
+    direct: NDArray[np.float64]
+    spread: NDArray[np.float64]
+    halves: NDArray[np.float64]
+
+
+class Averages(NamedTuple):
+    """Half-sphere averages of a fibre at given inclinations; shapes (..., channels), angles in radians of theta_h.
+
+    `a_f`, `a_b`: fractions of light scattered forward and back; `alpha_f`, `alpha_b`, `beta_f`, `beta_b`: mean shift
+    and deviation of one such scattering; `back_energy`, `back_shift`, `back_deviation`: energy, mean shift and
+    deviation of all that the strands behind send back.
+    """
+
+    a_f: NDArray[np.float64]
+    a_b: NDArray[np.float64]
+    alpha_f: NDArray[np.float64]
+    alpha_b: NDArray[np.float64]
+    beta_f: NDArray[np.float64]
+    beta_b: NDArray[np.float64]
+    back_energy: NDArray[np.float64]
+    back_shift: NDArray[np.float64]
+    back_deviation: NDArray[np.float64]
+
+
+@lru_cache(maxsize=16)
+def _azimuthal_tables(eta: float, sigma_a: tuple[float, ...], beta_n: float, closed: bool) -> AzimuthalTables:
+    # Eight columns a standard deviation over the half circle; even, as the half-turn average needs.
+    columns = int(np.clip(8 * np.pi / beta_n / 2, 128, 8192)) * 2 + 1
+    direct = np.empty((_ROWS, columns, len(LOBES), len(sigma_a)))
+    spread = np.empty_like(direct)
+    halves = np.empty((_ROWS, len(LOBES), len(sigma_a), 2))
+    _core.azimuthal_tables(eta, np.array(sigma_a), beta_n, closed, _OFFSETS, direct, spread, halves)
+    for table in (direct, spread, halves):
+        table.setflags(write=False)
+    return AzimuthalTables(direct, spread, halves)
+
+
+def _lobe_mask(lobes: str | Iterable[str] | None, known: tuple[str, ...]) -> int:
+    if lobes is None:
+        return (1 << len(known)) - 1
+    names = [lobes] if isinstance(lobes, str) else list(lobes)
+    return sum({1 << known.index(validate.choice("lobes", name, known)) for name in names})
+
+
+def _evaluate(
+    core: _core.Model, channels: int, mask: int, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike, strands: float
+) -> NDArray[np.float64]:
+    ti = validate.angles("theta_i", theta_i, validate.HALF_PI, np.float64)
+    tr = validate.angles("theta_r", theta_r, validate.HALF_PI, np.float64)
+    ph = validate.angles("phi", phi, 4 * np.pi, np.float64)
+    shape = validate.broadcast(theta_i=ti, theta_r=tr, phi=ph)
+    out = np.empty((int(np.prod(shape)), channels))
+    if out.size:
+        ti, tr, ph = (validate.flat(x, shape) for x in (ti, tr, ph))
+        core.eval(ti, tr, ph, np.array([strands]), mask, out)
+    return out.reshape(*shape, channels)
+
+
+@dataclass(frozen=True)
+class Marschner:
+    """Far-field scattering of a single fibre: lobes R, TT, TRT with azimuthal roughness.
+
+    f = Σ_p M_p N_p, N_p by quadrature over the offset h smoothed by beta_N. With `longitudinal="gaussian"`
+    M_p = g(theta_h - alpha_p)/cos² theta_d (Marschner 2003, Eq. 1), which is reciprocal and does not conserve energy;
+    with "energy_conserving" M_p is d'Eon 2011, Eq. 7, over cos theta_i, which does and is not.
+    docs/models.md lists where both differ from the papers.
+
+    Parameters
+    ----------
+    fibre
+        The fibre.
+    longitudinal
+        "gaussian" or "energy_conserving".
+    """
+
+    fibre: Fibre
+    longitudinal: str = "gaussian"
+    even = True
+    strands = 0.0
+
+    def __post_init__(self) -> None:
+        _check_fibre(self.fibre)
+        validate.choice("longitudinal", self.longitudinal, LONGITUDINAL)
+
+    @property
+    def channels(self) -> int:
+        """Length of the last axis of what `eval` returns."""
+        return self.fibre.channels
+
+    @cached_property
+    def tables(self) -> AzimuthalTables:
+        """The azimuthal tables, shared by models of one fibre."""
+        f = self.fibre
+        return _azimuthal_tables(f.eta, f.absorption, float(np.radians(f.beta_N)), self._conserving)
+
+    @property
+    def _conserving(self) -> bool:
+        return self.longitudinal == "energy_conserving"
+
+    @cached_property
+    def _core(self) -> _core.Model:
+        return _core.Model(self.fibre.alpha, self.fibre.beta, self._conserving, self.tables.direct)
+
+    def eval(
+        self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike, *, lobes: str | Iterable[str] | None = None
+    ) -> NDArray[np.float64]:
+        """Return f in 1/sr, without a cosine.
+
+        Parameters
+        ----------
+        theta_i, theta_r, phi
+            Radians; arrays broadcast. theta in [-pi/2, pi/2]; phi = phi_i - phi_r.
+        lobes
+            One of "R", "TT", "TRT" or several; all if left out.
+
+        Returns
+        -------
+        ndarray
+            Broadcast shape plus a last axis of channels.
+
+        Raises
+        ------
+        ValueError
+            An angle out of range or not a number; shapes that do not broadcast; an unknown lobe.
+
+        Examples
+        --------
+        >>> import cuticle
+        >>> model = cuticle.Marschner(cuticle.Fibre.preset("brown"))
+        >>> model.eval([0.1, 0.2], 0.0, 3.0).shape
+        (2, 3)
+        """
+        return _evaluate(self._core, self.channels, _lobe_mask(lobes, LOBES), theta_i, theta_r, phi, 0.0)
+
+
+@dataclass(frozen=True)
+class DualScattering:
+    """A fibre among others: light that reaches it directly, or through `strands` others (Zinke et al. 2008).
+
+    With 0 strands f is the fibre's own plus the backscatter of the strands behind; through n > 0 strands light arrives
+    dimmed, spread over the front half of the azimuth and widened in theta. A count between 0 and 1 blends the two in
+    that proportion; other fractions are fractional powers.
+
+    Parameters
+    ----------
+    fibre
+        The fibre.
+    strands
+        How many strands lie toward the light, whole or not, 0 to 10,000.
+    formulation
+        "exact": every part carries the energy it stands for, all orders of backscatter are summed. "zinke2008": the
+        formulas as printed. Default: the fibre's own, which is "exact" unless it says otherwise.
+    longitudinal
+        As in `Marschner`. Default: "energy_conserving" for exact, "gaussian" for zinke2008.
+
+    Raises
+    ------
+    ValueError
+        Where the fractions of light scattered forward and back reach 1, so that multiple scattering has no sum.
+    """
+
+    fibre: Fibre
+    strands: float = 0.0
+    formulation: str | None = None
+    longitudinal: str | None = None
+    even = True
+
+    def __post_init__(self) -> None:
+        _check_fibre(self.fibre)
+        if self.formulation is None:
+            object.__setattr__(self, "formulation", self.fibre.formulation)
+        validate.choice("formulation", self.formulation, FORMULATIONS)
+        if self.longitudinal is None:
+            object.__setattr__(self, "longitudinal", "energy_conserving" if self._exact else "gaussian")
+        validate.choice("longitudinal", self.longitudinal, LONGITUDINAL)
+        object.__setattr__(self, "strands", validate.number("strands", self.strands, 0, MAX_STRANDS))
+        self._average_table  # noqa: B018 - refuses a fibre whose multiple scattering diverges before any other work
+
+    @property
+    def _exact(self) -> bool:
+        return self.formulation == "exact"
+
+    @property
+    def channels(self) -> int:
+        """Length of the last axis of what `eval` returns."""
+        return self.fibre.channels
+
+    @cached_property
+    def single(self) -> Marschner:
+        """The fibre on its own."""
+        return Marschner(self.fibre, str(self.longitudinal))
+
+    @property
+    def _average_table(self) -> NDArray[np.float64]:
+        return _averages(self.fibre, self._exact, self.single._conserving)
+
+    @cached_property
+    def _core(self) -> _core.Model:
+        f, tables = self.fibre, self.single.tables
+        return _core.Model(
+            f.alpha, f.beta, self.single._conserving, tables.direct, tables.spread, self._average_table, _AVERAGE_LIMIT,
+            self._exact, f.d_f, f.d_b,
+        )  # fmt: skip
+
+    def with_strands(self, strands: float) -> DualScattering:
+        """Return the same model for another number of strands."""
+        return DualScattering(self.fibre, strands, self.formulation, self.longitudinal)
+
+    def averages(self, theta: ArrayLike) -> Averages:
+        """Return the half-sphere averages at inclinations `theta` (radians)."""
+        t = validate.angles("theta", theta, validate.HALF_PI, np.float64)
+        grid = np.linspace(-_AVERAGE_LIMIT, _AVERAGE_LIMIT, _AVERAGE_ROWS)
+        table = self._average_table
+        columns = [
+            np.stack([np.interp(t, grid, table[:, c, j]) for c in range(self.channels)], axis=-1)
+            for j in range(len(Averages._fields))
+        ]
+        return Averages(*columns)
+
+    def eval(
+        self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike, *, lobes: str | Iterable[str] | None = None
+    ) -> NDArray[np.float64]:
+        """Return f in 1/sr, without a cosine; as `Marschner.eval`, with "back" a fourth part to ask for."""
+        mask = _lobe_mask(lobes, PARTS)
+        return _evaluate(self._core, self.channels, mask, theta_i, theta_r, phi, self.strands)
+
+
+def _check_fibre(fibre: object) -> None:
+    if not isinstance(fibre, Fibre):
+        raise TypeError(f"fibre must be a cuticle.Fibre, got {type(fibre).__name__}; Fibre.preset('brown') makes one")
+
+
+@lru_cache(maxsize=16)
+def _averages(fibre: Fibre, exact: bool, conserving: bool) -> NDArray[np.float64]:
+    halves = Marschner(fibre, "energy_conserving" if conserving else "gaussian").tables.halves
+    table = np.empty((_AVERAGE_ROWS, fibre.channels, _core.average_columns))
+    _core.averages(fibre.alpha, fibre.beta, conserving, exact, fibre.d_b, _AVERAGE_LIMIT, _AVERAGE_QUADRATURE, halves, table)
+    total = table[:, :, 0] + table[:, :, 1]
+    row, channel = np.unravel_index(np.argmax(total), total.shape)
+    if not total[row, channel] < 1 - 1e-9:
+        theta = np.degrees(np.linspace(-_AVERAGE_LIMIT, _AVERAGE_LIMIT, _AVERAGE_ROWS)[row])
+        remedy = "raise sigma_a" if conserving else 'raise sigma_a, or use longitudinal="energy_conserving"'
+        raise ValueError(
+            f"light scattered forward and back, a_f + a_b, must stay below 1, got {total[row, channel]:.4g} at theta"
+            f" {theta:.3g}° (channel {channel}): multiple scattering has no sum; {remedy}"
+        )
+    table.setflags(write=False)
+    return table

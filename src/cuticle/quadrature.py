@@ -1,0 +1,61 @@
+"""Grids over (theta_i, phi) whose cells follow a density."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+_UNIFORM = 0.35  # share of the cells spread evenly, the rest by where the density is
+
+
+class Grid(NamedTuple):
+    """Cell centres and lengths along theta (A,) and phi (B,), radians."""
+
+    theta: Array
+    theta_weight: Array
+    phi: Array
+    phi_weight: Array
+
+    @property
+    def weights(self) -> Array:
+        """Cell areas in d theta d phi, shape (A, B)."""
+        return np.outer(self.theta_weight, self.phi_weight)
+
+
+def grid(theta_edges: Array, phi_edges: Array) -> Grid:
+    """Return the grid of cells between edges."""
+    middle = [0.5 * (e[1:] + e[:-1]) for e in (theta_edges, phi_edges)]
+    return Grid(middle[0], np.diff(theta_edges), middle[1], np.diff(phi_edges))
+
+
+def adapted_grid(density: Callable[[Grid], Array], *, even: bool, coarse: tuple[int, int], fine: tuple[int, int]) -> Grid:
+    """Return a grid with cells where `density` (per d theta d phi) has its mass.
+
+    `coarse` and `fine` are numbers of cells over theta and over half the azimuth; an even density is covered on
+    phi in [0, pi] only, another on [-pi, pi].
+    """
+    low, factor = (0.0, 1) if even else (-np.pi, 2)
+    theta = np.linspace(-np.pi / 2, np.pi / 2, coarse[0] + 1)
+    phi = np.linspace(low, np.pi, coarse[1] * factor + 1)
+    mass = density(grid(theta, phi))
+    return grid(_share(theta, mass.sum(axis=1), fine[0]), _share(phi, mass.sum(axis=0), fine[1] * factor))
+
+
+def gauss_legendre(edges: Array, order: int) -> tuple[Array, Array]:
+    """Return nodes and weights of the composite Gauss-Legendre rule between edges."""
+    x, w = np.polynomial.legendre.leggauss(order)
+    half = 0.5 * np.diff(edges)[:, None]
+    return (edges[:-1, None] + half * (1 + x)).ravel(), (half * w).ravel()
+
+
+def _share(edges: Array, mass: Array, count: int) -> Array:
+    """Return edges of `count` cells, each with a like share of mass and of length."""
+    total = mass.sum()
+    spread = np.diff(edges) / (edges[-1] - edges[0])
+    share = (1 - _UNIFORM) * mass / total + _UNIFORM * spread if total > 0 else spread
+    cumulative = np.concatenate([[0.0], np.cumsum(share)])
+    return np.interp(np.linspace(0, cumulative[-1], count + 1), cumulative, edges)

@@ -1,0 +1,92 @@
+"""How well a sampler matches a scattering function, by quadrature."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cuticle.distribution import evaluate, luminance
+from cuticle.models import Bcsdf, is_even
+from cuticle.quadrature import Grid, adapted_grid
+
+_COARSE = (360, 120)
+_FINE = (320, 128)
+
+
+class Density(Protocol):
+    """What is measured: anything with a pdf per steradian."""
+
+    def pdf(self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike, strands: ArrayLike | None = None) -> NDArray:
+        """Return the density."""
+        ...
+
+
+class UniformSphere:
+    """Every direction alike: the sampler to beat, 1/(4 pi) per steradian."""
+
+    def pdf(self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike, strands: ArrayLike | None = None) -> NDArray:
+        """Return 1/(4 pi), of the arguments' broadcast shape."""
+        return np.full(np.broadcast_shapes(np.shape(theta_i), np.shape(theta_r), np.shape(phi)), 0.25 / np.pi)
+
+
+@dataclass(frozen=True)
+class Quality:
+    """How well a density p matches f·cos for one viewer.
+
+    Attributes
+    ----------
+    ess
+        (∫ f cos)²/∫ (f cos)²/p of the luminance, 0 to 1: independent samples of f·cos that one sample of p is worth.
+    ess_channels
+        The same for each channel.
+    largest_weight
+        Largest f cos/(p ∫ f cos) of the luminance: 1 for a perfect match.
+    energy
+        ∫ f cos, one value a channel.
+    total_variation
+        ½ ∫ |f cos/∫ f cos - p|, 0 to 1.
+    """
+
+    ess: float
+    ess_channels: tuple[float, ...]
+    largest_weight: float
+    energy: tuple[float, ...]
+    total_variation: float
+
+
+def measure(sampler: Density, model: Bcsdf, theta_r: float, strands: float | None = None) -> Quality:
+    """Measure a sampler against a model for one viewer, by quadrature over both angles.
+
+    Parameters
+    ----------
+    sampler
+        Anything with a `pdf` per steradian.
+    model
+        The scattering function; of the strand count that `strands` names.
+    theta_r
+        Radians.
+    strands
+        Handed on to the sampler.
+    """
+    even = is_even(model)
+
+    def values(g: Grid) -> NDArray[np.float64]:
+        return evaluate(model, g.theta, theta_r, g.phi)
+
+    # Cells follow f·cos; in this measure every integrand below is smooth.
+    g = adapted_grid(lambda c: luminance(values(c)) * np.cos(c.theta)[:, None], even=even, coarse=_COARSE, fine=_FINE)
+    f = values(g)  # f cos, per steradian
+    solid_angle = g.weights * np.cos(g.theta)[:, None] * (2 if even else 1)
+    p = sampler.pdf(g.theta[:, None], theta_r, g.phi[None, :], strands)
+    channels = np.concatenate([f, luminance(f)[..., None]], axis=-1)
+    energy = np.tensordot(solid_angle, channels, axes=2)
+    safe = np.where(p > 0, p, np.inf)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        second = np.tensordot(solid_angle, channels**2 / safe[..., None], axes=2)
+        ess = np.where(((p <= 0)[..., None] & (channels > 0)).any(axis=(0, 1)), 0.0, energy**2 / second)
+        weight = float(np.max(np.where(channels[..., -1] > 0, channels[..., -1] / p, 0)) / energy[-1])
+    variation = 0.5 * float((solid_angle * np.abs(channels[..., -1] / energy[-1] - p)).sum())
+    return Quality(float(ess[-1]), tuple(map(float, ess[:-1])), weight, tuple(map(float, energy[:-1])), variation)

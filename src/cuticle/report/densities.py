@@ -1,0 +1,111 @@
+"""The picture of a fit: the scattering distribution beside the fitted density, viewer by viewer."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+
+from cuticle.distribution import Distribution, tabulate
+from cuticle.models import Bcsdf
+from cuticle.quality import measure
+from cuticle.sampler import Sampler
+
+VIEWERS = (-85, -60, -30, 0, 30, 60, 85)
+_INK = "#e8e6e3"
+_PAPER = "#14161a"
+_MAP = "magma"
+_HALO = [withStroke(linewidth=2.5, foreground="#00000099")]
+
+
+def densities_figure(
+    sampler: Sampler, model: Any, *, viewers: Sequence[float] = VIEWERS, strands: Sequence[float] | None = None
+) -> bytes:
+    """Return a PNG: for each viewer f·cos(theta_i) above the fitted pdf, on one scale, with the ESS below.
+
+    Parameters
+    ----------
+    sampler, model
+        A fitted sampler and the model it is for.
+    viewers
+        theta_r in degrees, a column each.
+    strands
+        Strand counts, a pair of rows each; direct light and the middle count if left out.
+    """
+    if strands is None:
+        strands = (
+            sampler.strands if len(sampler.strands) < 3 else (sampler.strands[0], sampler.strands[len(sampler.strands) // 2])
+        )
+    columns, rows = len(viewers), 2 * len(strands)
+    figure = Figure(figsize=(1.72 * columns + 1.1, 1.62 * rows + 1.25), facecolor=_PAPER, dpi=150)
+    grid = figure.add_gridspec(
+        rows, columns, left=0.085, right=0.985, bottom=0.095, top=0.86, wspace=0.08,
+        hspace=0.12, height_ratios=[1] * rows,
+    )  # fmt: skip
+    for pair, n in enumerate(strands):
+        own = model.with_strands(n) if hasattr(model, "with_strands") else model
+        for column, degrees in enumerate(viewers):
+            theta_r = float(np.radians(degrees))
+            d = tabulate(own, theta_r, n_theta=180, n_phi=240)
+            quality = measure(sampler, own, theta_r, n)
+            for row, image in enumerate(_images(d, sampler, own, n)):
+                axes = figure.add_subplot(grid[2 * pair + row, column])
+                _panel(axes, image, left=column == 0, bottom=2 * pair + row == rows - 1)
+                if 2 * pair + row == 0:
+                    axes.set_title(f"$\\theta_r$ = {degrees:g}°", color=_INK, fontsize=10, pad=6)
+                if column == 0:
+                    light = "direct" if n == 0 else f"{n:g} strand{'s' if n != 1 else ''}"
+                    axes.set_ylabel(f"{light}\n{('f·cos θᵢ', 'fitted pdf')[row]}", color=_INK, fontsize=9)
+                if row == 1:
+                    axes.text(
+                        0.97,
+                        0.05,
+                        f"ESS {quality.ess:.3f}",
+                        transform=axes.transAxes,
+                        ha="right",
+                        color="white",
+                        fontsize=8,
+                        path_effects=_HALO,
+                    )
+    name = f"{sampler.lobes} product lobes" if sampler.lobes > 1 else "one product lobe"
+    figure.text(0.085, 0.955, f"A scattering distribution and the density fitted to it: {name}", color=_INK, fontsize=14)
+    figure.text(
+        0.085, 0.918, "Where light toward the viewer comes from, per steradian; each pair on one scale, as its square root.",
+        color="#a9a59e", fontsize=9.5,
+    )  # fmt: skip
+    figure.text(
+        0.535,
+        0.025,
+        "azimuth φ = φᵢ − φᵣ (0° to 360°; 180° is straight through)   ·   vertical: θᵢ, −90° to 90°",
+        color="#a9a59e",
+        fontsize=9,
+        ha="center",
+    )
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", facecolor=_PAPER)
+    return buffer.getvalue()
+
+
+def _images(d: Distribution, sampler: Sampler, model: Bcsdf, strands: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return both densities per steradian with phi from 0 to 360°, on one scale from 0 to 1."""
+    truth = d.luminance / float(
+        np.sum(d.luminance * np.cos(d.theta_i)[:, None]) * np.pi / len(d.theta_i) * 2 * np.pi / len(d.phi)
+    )
+    fitted = sampler.pdf(d.theta_i[:, None], d.theta_r, d.phi[None, :], strands)
+    # A sampler's lobes do not vanish at the poles, where a steradian is nothing: the scale is the distribution's own.
+    top = np.quantile(truth, 0.9995)
+    turned = [np.roll(image, len(d.phi) // 2, axis=1) / top for image in (truth, fitted)]
+    return turned[0], turned[1]
+
+
+def _panel(axes: Any, image: np.ndarray, *, left: bool, bottom: bool) -> None:
+    axes.imshow(np.sqrt(image), origin="lower", extent=(0, 360, -90, 90), aspect="auto", cmap=_MAP, vmin=0, vmax=1)
+    axes.set_xticks([90, 180, 270] if bottom else [], labels=["90", "180", "270"] if bottom else None)
+    axes.set_yticks([-90, 0, 90] if left else [])
+    axes.tick_params(colors="#a9a59e", labelsize=8, length=2)
+    for spine in axes.spines.values():
+        spine.set_color("#3a3d44")

@@ -1,0 +1,95 @@
+"""Checks on what a user hands in: one line that names the value, its range, what came and what to do."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cuticle import _core
+
+HALF_PI = math.pi / 2
+RADIANS = "angles are in radians: np.radians(...) converts degrees"
+
+
+def number(
+    name: str, value: Any, low: float, high: float, *, unit: str = "", remedy: str = "", above: bool = False
+) -> float:
+    """Return `value` as a float in [low, high] ((low, high] with `above`), or raise ValueError/TypeError."""
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
+        raise TypeError(f"{name} must be a number, got {value!r}")
+    x = float(value)
+    if not (low < x if above else low <= x) or not x <= high:
+        raise ValueError(_outside(name, x, low, high, unit=unit, remedy=remedy, above=above))
+    return x
+
+
+def integer(name: str, value: Any, low: int, high: int, *, remedy: str = "") -> int:
+    """Return `value` as an int in [low, high]."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
+        raise TypeError(f"{name} must be a whole number, got {value!r}")
+    if not low <= value <= high:
+        raise ValueError(_outside(name, int(value), low, high, unit="", remedy=remedy, above=False))
+    return int(value)
+
+
+def choice(name: str, value: Any, allowed: Iterable[str]) -> str:
+    """Return `value` if it is one of `allowed`."""
+    options = list(allowed)
+    if value not in options:
+        raise ValueError(f"{name} must be one of {', '.join(options)}; got {value!r}")
+    return str(value)
+
+
+def array(
+    name: str, value: ArrayLike, low: float, high: float, dtype: Any, *, remedy: str, open_end: bool = False
+) -> NDArray:
+    """Return `value` as a contiguous array of `dtype`, every element in [low, high] ([low, high) with `open_end`)."""
+    try:
+        x = np.ascontiguousarray(value, dtype=dtype).reshape(np.shape(value))
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"{name} must be an array of numbers, got {type(value).__name__}") from error
+    # A float can round past an end that a double respects: allow it its last digit.
+    slack = 0.0 if open_end else 4 * float(np.finfo(x.dtype).eps) * max(abs(low), abs(high))
+    at = _core.first_outside(x, low - slack, high + (0 if open_end else slack), open_end)
+    if at >= 0:
+        place = f"[{', '.join(map(str, np.unravel_index(at, x.shape)))}]" if x.ndim else ""
+        close = ")" if open_end else "]"
+        raise ValueError(
+            f"{name} must lie in [{low:.6g}, {high:.6g}{close}, got {float(x.flat[at]):.6g} at {name}{place}; {remedy}"
+        )
+    return x
+
+
+def angles(name: str, value: ArrayLike, limit: float, dtype: Any) -> NDArray:
+    """Return `value` as angles in radians within ±limit."""
+    return array(name, value, -limit, limit, dtype, remedy=RADIANS)
+
+
+def broadcast(**arrays: NDArray) -> tuple[int, ...]:
+    """Return the common shape of `arrays`, or raise ValueError that tells each one's shape."""
+    try:
+        return np.broadcast_shapes(*(a.shape for a in arrays.values()))
+    except ValueError:
+        shapes = ", ".join(f"{name} {a.shape}" for name, a in arrays.items())
+        raise ValueError(f"shapes do not broadcast together: {shapes}; give arrays of one shape, or add axes") from None
+
+
+def flat(x: NDArray, shape: tuple[int, ...]) -> NDArray:
+    """Return `x` as the core takes it: one value, or the whole of `shape` laid out flat."""
+    return x.reshape(1) if x.size == 1 else np.ascontiguousarray(np.broadcast_to(x, shape)).reshape(-1)
+
+
+def float_type(*values: ArrayLike) -> Any:
+    """Return float32 if every array among `values` is single precision, else float64; plain numbers have no say."""
+    kinds = {np.asarray(v).dtype for v in values if isinstance(v, (np.ndarray, np.generic))}
+    return np.float32 if kinds == {np.dtype(np.float32)} else np.float64
+
+
+def _outside(name: str, x: float, low: float, high: float, *, unit: str, remedy: str, above: bool) -> str:
+    unit = f" {unit}" if unit else ""
+    text = f"{name} must be in {'(' if above else '['}{low:g}, {high:g}]{unit}, got {x:g}"
+    return f"{text}; {remedy}" if remedy else text

@@ -1,0 +1,142 @@
+// The scattering functions over arrays, and the tables they read.
+#include "bindings.h"
+
+#include <string>
+#include <vector>
+
+#include "arrays.h"
+#include "cuticle/cuticle.h"
+
+namespace native {
+namespace {
+
+using cuticle::lobe_count;
+
+// direct, spread: (rows, columns, lobe_count, channels); halves: (rows, lobe_count, channels, 2).
+void azimuthal_tables(double eta, const In<double> &sigma_a, double beta_n, bool closed, int offsets, Out<double> direct,
+                      Out<double> spread, Out<double> halves) {
+    const auto rows = direct.shape(0), columns = direct.shape(1), channels = sigma_a.size();
+    const int n = static_cast<int>(columns) - 1;
+    parallel_for(rows, 1, [&](std::size_t begin, std::size_t end) {
+        std::vector<double> circle(4 * columns), kernel(2 * columns), row(columns), wide(columns);
+        for (std::size_t i = begin; i < end; ++i) {
+            // At the pole itself the normal plane's picture has no meaning: stop a hair short of it.
+            const double theta_d = std::min(cuticle::half_pi<double> * double(i) / double(rows - 1), 1.5690);
+            for (int p = 0; p < lobe_count; ++p)
+                for (std::size_t c = 0; c < channels; ++c) {
+                    if (p > 0 || c == 0) {  // R does not see the absorption
+                        cuticle::azimuthal_row(p, theta_d, eta, sigma_a.data()[c], beta_n, closed, n, offsets, circle.data(),
+                                               kernel.data(), row.data());
+                        cuticle::spread_row(row.data(), n, wide.data());
+                    }
+                    for (std::size_t j = 0; j < columns; ++j) {
+                        const std::size_t at = ((i * columns + j) * lobe_count + std::size_t(p)) * channels + c;
+                        direct.data()[at] = row[j];
+                        spread.data()[at] = wide[j];
+                    }
+                    const auto h = cuticle::half_energies(row.data(), n);
+                    double *out = halves.data() + ((i * lobe_count + std::size_t(p)) * channels + c) * 2;
+                    out[0] = h.forward;
+                    out[1] = h.backward;
+                }
+        }
+    });
+}
+
+cuticle::FibreLobes<double> fibre_lobes(const In<double> &alpha, const In<double> &beta, bool energy_conserving) {
+    cuticle::FibreLobes<double> f{};
+    for (int p = 0; p < lobe_count; ++p) {
+        f.alpha[p] = alpha.data()[p];
+        f.beta[p] = beta.data()[p];
+    }
+    f.form = energy_conserving ? cuticle::Longitudinal::energy_conserving : cuticle::Longitudinal::gaussian;
+    return f;
+}
+
+// out: (rows, channels, average_columns) for inclinations from -limit to limit.
+void averages(const In<double> &alpha, const In<double> &beta, bool energy_conserving, bool exact, double d_b, double limit,
+              int quadrature, const In<double> &halves, Out<double> out) {
+    const auto fibre = fibre_lobes(alpha, beta, energy_conserving);
+    const auto formulation = exact ? cuticle::Formulation::exact : cuticle::Formulation::zinke2008;
+    const auto rows = out.shape(0), channels = out.shape(1), half_rows = halves.shape(0);
+    parallel_for(rows, 1, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t i = begin; i < end; ++i)
+            for (std::size_t c = 0; c < channels; ++c) {
+                const auto lookup = [&](double theta, int p) {
+                    const double x = std::abs(theta) / cuticle::half_pi<double> * double(half_rows - 1);
+                    const auto j = std::min(static_cast<std::size_t>(x), half_rows - 2);
+                    const double t = x - double(j);
+                    const double *q = halves.data() + ((j * lobe_count + std::size_t(p)) * channels + c) * 2;
+                    const double *r = q + lobe_count * channels * 2;
+                    return cuticle::Halves<double>{q[0] + t * (r[0] - q[0]), q[1] + t * (r[1] - q[1])};
+                };
+                const double theta = limit * (2 * double(i) / double(rows - 1) - 1);
+                auto a = cuticle::half_sphere_averages(fibre, formulation, theta, lookup, quadrature);
+                if (exact) cuticle::backscatter_exact(a);
+                else cuticle::backscatter_zinke2008(a, d_b);
+                const double values[] = {a.a_f,         a.a_b,        a.alpha_f,        a.alpha_b,  a.beta_f,   a.beta_b,
+                                         a.back_energy, a.back_shift, a.back_deviation, a.scale[0], a.scale[1], a.scale[2]};
+                std::copy(std::begin(values), std::end(values), out.data() + (i * channels + c) * cuticle::average_columns);
+            }
+    });
+}
+
+// A model ready to evaluate; it keeps the arrays it was given.
+struct Model {
+    In<double> direct, spread, averages;
+    cuticle::DualScatteringModel<double> model{};
+    bool dual;
+
+    Model(const In<double> &alpha, const In<double> &beta, bool energy_conserving, const In<double> &direct_)
+        : direct(direct_), dual(false) {
+        model.fibre = fibre_lobes(alpha, beta, energy_conserving);
+        model.direct = view(direct);
+    }
+    Model(const In<double> &alpha, const In<double> &beta, bool energy_conserving, const In<double> &direct_,
+          const In<double> &spread_, const In<double> &averages_, double limit, bool exact, double d_f, double d_b)
+        : Model(alpha, beta, energy_conserving, direct_) {
+        spread = spread_;
+        averages = averages_;
+        dual = true;
+        model.spread = view(spread);
+        model.averages = {averages.data(), static_cast<int>(averages.shape(0)), limit};
+        model.formulation = exact ? cuticle::Formulation::exact : cuticle::Formulation::zinke2008;
+        model.d_f = d_f;
+        model.d_b = d_b;
+    }
+
+    static cuticle::AzimuthalTable<double> view(const In<double> &a) {
+        return {a.data(), static_cast<int>(a.shape(0)), static_cast<int>(a.shape(1)), static_cast<int>(a.shape(3))};
+    }
+
+    void eval(const In<double> &theta_i, const In<double> &theta_r, const In<double> &phi, const In<double> &strands,
+              int lobes, Out<double> out) const {
+        const auto ti = broadcast(theta_i), tr = broadcast(theta_r), ph = broadcast(phi), n = broadcast(strands);
+        const auto channels = static_cast<std::size_t>(model.direct.channels);
+        parallel_for(out.shape(0), 512, [&](std::size_t begin, std::size_t end) {
+            for (std::size_t i = begin; i < end; ++i) {
+                double *f = out.data() + i * channels;
+                if (dual) cuticle::dual_scattering_eval(model, ti[i], tr[i], ph[i], n[i], lobes, f);
+                else cuticle::marschner_eval(model.fibre, model.direct, ti[i], tr[i], ph[i], lobes, f);
+            }
+        });
+    }
+};
+
+}  // namespace
+
+void bind_models(nb::module_ &m) {
+    using release = nb::call_guard<nb::gil_scoped_release>;
+    m.def("azimuthal_tables", &azimuthal_tables, release());
+    m.def("averages", &averages, release());
+    m.attr("average_columns") = cuticle::average_columns;
+    nb::class_<Model>(m, "Model")
+        .def(nb::init<const In<double> &, const In<double> &, bool, const In<double> &>())
+        .def(nb::init<const In<double> &, const In<double> &, bool, const In<double> &, const In<double> &,
+                      const In<double> &, double, bool, double, double>())
+        .def("eval", &Model::eval, release());
+    m.def("fresnel", [](double cos_i, double eta) { return cuticle::fresnel(cos_i, eta); });
+    m.def("i0_scaled", [](double x) { return cuticle::i0_scaled(x); });
+}
+
+}  // namespace native

@@ -1,0 +1,176 @@
+// The sampler over arrays, in single and double precision.
+#include "cuticle/sampler.h"
+#include "arrays.h"
+#include "bindings.h"
+
+#include <cmath>
+#include <cstdint>
+#include <mutex>
+#include <vector>
+
+namespace native {
+namespace {
+
+enum class Coordinate { theta, phi };
+
+// A table of K lobes: K is one of the sizes compiled below, the caller pads with lobes of weight 0.
+template <class Float, int K> struct Table {
+    std::vector<Float> nodes, energy, strands;
+    cuticle::LobeTable<Float, K> view;
+
+    Table(const In<double> &nodes_, const In<double> &energy_, const In<double> &strands_, bool even)
+        : nodes(nodes_.data(), nodes_.data() + nodes_.size()),
+          energy(energy_.data(), energy_.data() + energy_.size()),
+          strands(strands_.data(), strands_.data() + strands_.size()),
+          view{nodes.data(),
+               energy.data(),
+               strands.data(),
+               static_cast<int>(nodes_.shape(0)),
+               static_cast<int>(nodes_.shape(1)),
+               even} {}
+
+    // body(i, prepared sampler) for each i; prepared once while theta_r and the strands stay the same.
+    template <class Body>
+    void each(std::size_t count, const In<Float> &theta_r, const In<Float> &n, const Body &body) const {
+        const auto tr = broadcast(theta_r), ns = broadcast(n);
+        parallel_for(count, 1024, [&](std::size_t begin, std::size_t end) {
+            Float last_theta = std::numeric_limits<Float>::quiet_NaN(), last_n = last_theta;
+            cuticle::PreparedSampler<Float, K> sampler;
+            for (std::size_t i = begin; i < end; ++i) {
+                if (tr[i] != last_theta || ns[i] != last_n) {
+                    last_theta = tr[i];
+                    last_n = ns[i];
+                    sampler = cuticle::prepare(view, last_theta, last_n);
+                }
+                body(i, sampler);
+            }
+        });
+    }
+
+    void pdf(const In<Float> &theta_i, const In<Float> &theta_r, const In<Float> &phi, const In<Float> &n,
+             Out<Float> out) const {
+        const auto ti = broadcast(theta_i), ph = broadcast(phi);
+        each(out.size(), theta_r, n, [&](std::size_t i, const auto &s) { out.data()[i] = s.pdf(ti[i], ph[i]); });
+    }
+
+    void sample(const In<Float> &theta_r, const In<Float> &u, const In<Float> &n, Out<Float> theta_i, Out<Float> phi,
+                Out<Float> p) const {
+        each(p.size(), theta_r, n, [&](std::size_t i, const auto &s) {
+            const Float *r = u.data() + 3 * i;
+            const auto drawn = s.sample(r[0], r[1], r[2]);
+            theta_i.data()[i] = drawn.theta_i;
+            phi.data()[i] = drawn.phi;
+            p.data()[i] = drawn.pdf;
+        });
+    }
+
+    // One lobe's cdf or its inverse; `second` asks for the lobes of the other row between 0 and 1 strands.
+    void lobe(int coordinate, bool inverse, int k, bool second, const In<Float> &x, const In<Float> &theta_r,
+              const In<Float> &n, Out<Float> out) const {
+        const auto xs = broadcast(x);
+        each(out.size(), theta_r, n, [&](std::size_t i, const auto &s) {
+            const auto &l = second ? s.second : s.first;
+            out.data()[i] = coordinate == int(Coordinate::theta) ? (inverse ? l.icdf_theta(k, xs[i]) : l.cdf_theta(k, xs[i]))
+                                                                 : (inverse ? l.icdf_phi(k, xs[i]) : l.cdf_phi(k, xs[i]));
+        });
+    }
+
+    // The weights at one theta_r: out (2, K), of each row's lobes in the mixture.
+    void weights(Float theta_r, Float n, Out<Float> out) const {
+        const auto s = cuticle::prepare(view, theta_r, n);
+        const bool both = s.share < Float(1);
+        for (int k = 0; k < K; ++k) {
+            out.data()[k] = s.share * s.first.weight[k];
+            out.data()[K + k] = both ? (Float(1) - s.share) * s.second.weight[k] : Float(0);
+        }
+    }
+};
+
+template <class Float, int K> void bind(nb::module_ &m, const char *name) {
+    using T = Table<Float, K>;
+    using release = nb::call_guard<nb::gil_scoped_release>;
+    nb::class_<T>(m, name)
+        .def(nb::init<const In<double> &, const In<double> &, const In<double> &, bool>())
+        .def("pdf", &T::pdf, release())
+        .def("sample", &T::sample, release())
+        .def("lobe", &T::lobe, release())
+        .def("weights", &T::weights, release());
+}
+
+// The first value outside [lo, hi] (a NaN is), or -1. Half-open on the right if asked.
+template <class Float> long first_outside(const In<Float> &x, double lo, double hi, bool open) {
+    const std::size_t n = x.size();
+    const Float *data = x.data();
+    const Float a = Float(lo), b = Float(hi);
+    std::size_t found = n;
+    std::vector<std::size_t> founds(n ? std::thread::hardware_concurrency() + 1 : 1, n);
+    parallel_for(n, 65536, [&](std::size_t begin, std::size_t end) {
+        const std::size_t slot = n ? begin * (founds.size() - 1) / n : 0;
+        for (std::size_t i = begin; i < end; i += 4096) {
+            const std::size_t stop = std::min(i + 4096, end);
+            int bad = 0;
+            if (open)
+                for (std::size_t j = i; j < stop; ++j) bad |= !(data[j] >= a && data[j] < b);
+            else
+                for (std::size_t j = i; j < stop; ++j) bad |= !(data[j] >= a && data[j] <= b);
+            if (!bad) continue;
+            for (std::size_t j = i; j < stop; ++j)
+                if (!(data[j] >= a && (open ? data[j] < b : data[j] <= b))) {
+                    founds[slot] = std::min(founds[slot], j);
+                    break;
+                }
+            return;
+        }
+    });
+    for (const std::size_t i : founds) found = std::min(found, i);
+    return found == n ? -1L : static_cast<long>(found);
+}
+
+// Counts of (theta, phi) samples in the cells between increasing edges, added to counts (theta cells, phi cells).
+// A sample outside the edges is counted in the return value.
+long histogram(const In<float> &theta, const In<float> &phi, const In<double> &theta_edges, const In<double> &phi_edges,
+               Out<std::int64_t> counts) {
+    const double *te = theta_edges.data(), *pe = phi_edges.data();
+    const std::size_t rows = theta_edges.size() - 1, columns = phi_edges.size() - 1;
+    std::mutex lock;
+    long outside = 0;
+    parallel_for(theta.size(), 65536, [&](std::size_t begin, std::size_t end) {
+        std::vector<std::int64_t> local(rows * columns);
+        long missed = 0;
+        const auto cell = [](const double *edges, std::size_t cells, double x) {
+            const auto i = static_cast<std::size_t>(std::upper_bound(edges, edges + cells + 1, x) - edges);
+            return x == edges[cells] ? cells : i;  // the last edge belongs to the last cell
+        };
+        for (std::size_t i = begin; i < end; ++i) {
+            const std::size_t a = cell(te, rows, theta.data()[i]), b = cell(pe, columns, phi.data()[i]);
+            if (a == 0 || b == 0 || a > rows || b > columns) ++missed;
+            else ++local[(a - 1) * columns + b - 1];
+        }
+        const std::lock_guard<std::mutex> guard(lock);
+        outside += missed;
+        for (std::size_t i = 0; i < local.size(); ++i) counts.data()[i] += local[i];
+    });
+    return outside;
+}
+
+}  // namespace
+
+void bind_sampler(nb::module_ &m) {
+    bind<float, 1>(m, "Table1f");
+    bind<float, 2>(m, "Table2f");
+    bind<float, 4>(m, "Table4f");
+    bind<float, 8>(m, "Table8f");
+    bind<float, 16>(m, "Table16f");
+    bind<float, 32>(m, "Table32f");
+    bind<double, 1>(m, "Table1d");
+    bind<double, 2>(m, "Table2d");
+    bind<double, 4>(m, "Table4d");
+    bind<double, 8>(m, "Table8d");
+    bind<double, 16>(m, "Table16d");
+    bind<double, 32>(m, "Table32d");
+    m.def("histogram", &histogram, nb::call_guard<nb::gil_scoped_release>());
+    m.def("first_outside", &first_outside<float>, nb::call_guard<nb::gil_scoped_release>());
+    m.def("first_outside", &first_outside<double>, nb::call_guard<nb::gil_scoped_release>());
+}
+
+}  // namespace native
