@@ -79,7 +79,7 @@ template <class Float> void spread_row(const Float *row, int n, Float *out) {
     Float sum = Float(0);
     for (int j = -n / 2; j < n / 2; ++j) sum += Float(.5) * (at(j) + at(j + 1));
     for (int j = 0; j <= n; ++j) {
-        out[j] = sum / Float(n);
+        out[j] = math::max(Float(sum / Float(n)), Float(0));  // the running sum may round below 0
         sum += Float(.5) * (at(j + n / 2) + at(j + n / 2 + 1) - at(j - n / 2) - at(j - n / 2 + 1));
     }
 }
@@ -129,10 +129,11 @@ CUTICLE_HD Bilinear<Float> locate(const AzimuthalTable<Scalar> &table, const Flo
 template <class Float, class Scalar>
 CUTICLE_HD Float interpolate(const Scalar *data, const Bilinear<Float> &at, int offset) {
     const Scalar *q = data + at.index + offset;
-    const Float lower = Float(q[0]) + at.b * Float(q[at.column_step] - q[0]);
     const Scalar *r = q + at.row_step;
-    const Float upper = Float(r[0]) + at.b * Float(r[at.column_step] - r[0]);
-    return lower + at.a * (upper - lower);
+    const Float far = at.b, near = Float(1) - at.b;  // convex sums: rounding never makes them negative
+    const Float lower = near * Float(q[0]) + far * Float(q[at.column_step]);
+    const Float upper = near * Float(r[0]) + far * Float(r[at.column_step]);
+    return (Float(1) - at.a) * lower + at.a * upper;
 }
 
 }  // namespace cuticle

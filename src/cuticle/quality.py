@@ -14,6 +14,7 @@ from cuticle.quadrature import Grid, adapted_grid
 
 _COARSE = (360, 120)
 _FINE = (320, 128)
+_LEAST_DENSITY = 1e-30  # 1/sr
 
 
 class Density(Protocol):
@@ -83,10 +84,10 @@ def measure(sampler: Density, model: Bcsdf, theta_r: float, strands: float | Non
     p = sampler.pdf(g.theta[:, None], theta_r, g.phi[None, :], strands)
     channels = np.concatenate([f, luminance(f)[..., None]], axis=-1)
     energy = np.tensordot(solid_angle, channels, axes=2)
-    safe = np.where(p > 0, p, np.inf)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        second = np.tensordot(solid_angle, channels**2 / safe[..., None], axes=2)
-        ess = np.where(((p <= 0)[..., None] & (channels > 0)).any(axis=(0, 1)), 0.0, energy**2 / second)
-        weight = float(np.max(np.where(channels[..., -1] > 0, channels[..., -1] / p, 0)) / energy[-1])
+    # Where p underflows, f below 1e-15 is a tail that no number of samples sees; a larger f still counts in full.
+    floor = np.maximum(p, _LEAST_DENSITY)
+    second = np.tensordot(solid_angle, channels**2 / floor[..., None], axes=2)
+    ess = np.divide(energy**2, second, out=np.zeros_like(second), where=second > 0)
+    weight = float(np.max(channels[..., -1] / floor) / energy[-1])
     variation = 0.5 * float((solid_angle * np.abs(channels[..., -1] / energy[-1] - p)).sum())
     return Quality(float(ess[-1]), tuple(map(float, ess[:-1])), weight, tuple(map(float, energy[:-1])), variation)

@@ -38,6 +38,7 @@ void normal_equations(const In<double> &q, const In<double> &theta, const In<dou
     const std::size_t evaluations = q.shape(0), na = q.shape(1), nb_ = q.shape(2), lobes = parameters.shape(2);
     const std::size_t size = cuticle::lobe_parameters * lobes;
     const bool derivatives = hessian.size() > 0;
+    const double least = 1e-30;  // keeps q²/p finite where every lobe has died out
     parallel_for(evaluations, 1, [&](std::size_t begin, std::size_t end) {
         std::vector<double> t(3 * lobes * na), f(3 * lobes * nb_), g(size), column(size), row(lobes);
         std::vector<double> wrapped(nb_);
@@ -69,7 +70,7 @@ void normal_equations(const In<double> &q, const In<double> &theta, const In<dou
             for (std::size_t a = 0; a < na; ++a)
                 for (std::size_t b = 0; b < nb_; ++b) {
                     const double weight = theta_weight.data()[e * na + a] * phi_weight.data()[e * nb_ + b];
-                    double p = 1e-12;
+                    double p = least;
                     for (std::size_t k = 0; k < lobes; ++k) p += x[k] * t[3 * k * na + a] * f[3 * k * nb_ + b];
                     const double target = q.data()[(e * na + a) * nb_ + b];
                     total += .5 * weight * (target - p) * (target - p) / p;

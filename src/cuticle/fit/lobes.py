@@ -68,9 +68,8 @@ def make_points(with_strands: Callable[[float], Bcsdf], strands: Sequence[float]
             add(i, fraction, j, 0.0, model)
         if j + 1 < len(strands) and n > 0:  # between 0 and the next count the sampler mixes; nothing to interpolate
             middle = with_strands(0.5 * (n + strands[j + 1]))
-            for i in range(0, THETA_NODES - 1, 2):
-                add(i, 0.0, j, 0.5, middle)
-            add(THETA_NODES - 2, 1.0, j, 0.5, middle)
+            for i, fraction in theta:
+                add(i, fraction, j, 0.5, middle)
     targets = make_targets(models, angles, objective)
     return Points(np.array(node), np.array(t), np.array(row), np.array(s), targets)
 
