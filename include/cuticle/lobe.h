@@ -108,8 +108,34 @@ template <class Float> CUTICLE_HD TruncatedNormal<Float> longitudinal_normal(con
     return {mean, sigma, Float(-half_pi<Float>), half_pi<Float>};
 }
 
+// The cdf on [-pi, pi], from -pi, of a density around the circle. `own(d)` is the probability that lies between the
+// lobe's seam, mean - pi, and mean + d.
+template <class Float, class Own> CUTICLE_HD Float periodic_cdf(const Own &own, const Float &mean, const Float &phi) {
+    const Float x = math::clamp(phi, Float(-pi<Float>), pi<Float>);
+    const Float start = math::wrap_angle(Float(-pi<Float> - mean)), d = math::wrap_angle(Float(x - mean));
+    const Float turned = select(d < start, Float(1), Float(0));  // past the lobe's own seam
+    return select(x < pi<Float>, math::clamp(Float(own(d) - own(start) + turned), Float(0), Float(1)), Float(1));
+}
+
+// Its inverse, given the inverse of `own`.
+template <class Float, class Own, class OwnInverse>
+CUTICLE_HD Float periodic_icdf(const Own &own, const OwnInverse &inverse, const Float &mean, const Float &u) {
+    const Float x = u + own(math::wrap_angle(Float(-pi<Float> - mean)));
+    const Float phi = math::wrap_angle(Float(mean + inverse(Float(x - math::floor(x)))));
+    return select(u > Float(0), phi, Float(-pi<Float>));
+}
+
+// The same for a density of |phi| with either sign alike: `half(x)` is the probability of |phi| < x.
+template <class Float, class Half> CUTICLE_HD Float even_cdf(const Half &half, const Float &phi) {
+    const Float x = math::clamp(phi, Float(-pi<Float>), pi<Float>);
+    return Float(.5) + math::copysign(Float(Float(.5) * half(Float(math::abs(x)))), x);
+}
+template <class Float, class HalfInverse> CUTICLE_HD Float even_icdf(const HalfInverse &inverse, const Float &u) {
+    const Float v = Float(2) * u - Float(1);
+    return math::copysign(inverse(Float(math::abs(v))), v);
+}
+
 // Azimuthal lobe on the circle: a normal truncated to the one period centred on its mean.
-// phi is wrapped to (-pi, pi]; the cdf runs from mean - pi, where it is 0, once around.
 template <class Float> struct PeriodicNormal {
     Float mean;
     TruncatedNormal<Float> centred;
@@ -117,8 +143,13 @@ template <class Float> struct PeriodicNormal {
     CUTICLE_HD PeriodicNormal(const Float &mean_, const Float &sigma)
         : mean(math::wrap_angle(mean_)), centred(Float(0), sigma, Float(-pi<Float>), pi<Float>) {}
     CUTICLE_HD Float pdf(const Float &phi) const { return centred.pdf(math::wrap_angle(Float(phi - mean))); }
-    CUTICLE_HD Float cdf(const Float &phi) const { return centred.cdf(math::wrap_angle(Float(phi - mean))); }
-    CUTICLE_HD Float icdf(const Float &u) const { return math::wrap_angle(Float(mean + centred.icdf(u))); }
+    CUTICLE_HD Float cdf(const Float &phi) const {
+        return periodic_cdf([this](const Float &d) { return centred.cdf(d); }, mean, phi);
+    }
+    CUTICLE_HD Float icdf(const Float &u) const {
+        return periodic_icdf([this](const Float &d) { return centred.cdf(d); },
+                             [this](const Float &v) { return centred.icdf(v); }, mean, u);
+    }
 };
 
 // Azimuthal lobe of a scattering function that is even in phi: a normal in |phi| truncated to [0, pi], either
@@ -129,15 +160,11 @@ template <class Float> struct EvenNormal {
 
     CUTICLE_HD EvenNormal(const Float &mean, const Float &sigma) : half(mean, sigma, Float(0), pi<Float>) {}
     CUTICLE_HD Float pdf(const Float &phi) const { return Float(.5) * half.pdf(math::abs(math::wrap_angle(phi))); }
-    CUTICLE_HD Float cdf(const Float &phi_) const {
-        const Float phi = math::wrap_angle(phi_);
-        const Float side = Float(.5) * half.cdf(math::abs(phi));
-        return select(phi < Float(0), Float(Float(.5) - side), Float(Float(.5) + side));
+    CUTICLE_HD Float cdf(const Float &phi) const {
+        return even_cdf([this](const Float &x) { return half.cdf(x); }, phi);
     }
     CUTICLE_HD Float icdf(const Float &u) const {
-        const Float v = Float(2) * u - Float(1);
-        const Float side = half.icdf(math::abs(v));
-        return select(v < Float(0), Float(-side), side);
+        return even_icdf([this](const Float &v) { return half.icdf(v); }, u);
     }
 };
 

@@ -53,20 +53,15 @@ template <class Float, int K> struct Lobes {
     }
     CUTICLE_HD Float icdf_theta(int k, const Float &u) const { return invert_theta(lobe(theta, k), u); }
     CUTICLE_HD Float cdf_phi(int k, const Float &x) const {
-        const Float v = math::clamp(x, Float(-pi<Float>), pi<Float>);
         const CentralNormal<Float> d = lobe(phi, k);
-        if (even) {
-            const Float side = Float(.5) * central_cdf(d, math::abs(v));
-            return select(v < Float(0), Float(Float(.5) - side), Float(Float(.5) + side));
-        }
-        const Float from_seam = from_own_seam(d, v) - from_own_seam(d, Float(-pi<Float>));
-        return select(v < pi<Float>, select(from_seam < Float(0), Float(from_seam + Float(1)), from_seam), Float(1));
+        if (even) return even_cdf([&](const Float &y) { return central_cdf(d, y); }, x);
+        return periodic_cdf([&](const Float &y) { return central_cdf(d, Float(d.mean + y)); }, d.mean, x);
     }
     CUTICLE_HD Float icdf_phi(int k, const Float &u) const {
         const CentralNormal<Float> d = lobe(phi, k);
         if (even) return invert_phi(d, u);
-        const Float x = u + from_own_seam(d, Float(-pi<Float>));
-        return invert_phi(d, Float(x - math::floor(x)));
+        return periodic_icdf([&](const Float &y) { return central_cdf(d, Float(d.mean + y)); },
+                             [&](const Float &v) { return Float(central_icdf(d, v) - d.mean); }, d.mean, u);
     }
 
     // u in [0, 1): the lobe, then one inverse per coordinate; the pdf is the mixture's.
@@ -92,17 +87,10 @@ template <class Float, int K> struct Lobes {
         const Float limit = half_pi<Float> * (Float(1) - std::numeric_limits<Float>::epsilon());
         return math::clamp(central_icdf(d, u), Float(-limit), limit);
     }
+    // A periodic lobe is inverted from its own seam: any order of the circle serves a sample.
     CUTICLE_HD Float invert_phi(const CentralNormal<Float> &d, const Float &u) const {
-        if (!even) {
-            const Float x = math::clamp(central_icdf(d, u), Float(d.mean - pi<Float>), Float(d.mean + pi<Float>));
-            return math::wrap_angle(x);
-        }
-        const Float v = Float(2) * u - Float(1);
-        return math::copysign(math::clamp(central_icdf(d, Float(math::abs(v))), Float(0), pi<Float>), v);
-    }
-    // Mass of a periodic lobe from its own seam (mean - pi) to x.
-    CUTICLE_HD static Float from_own_seam(const CentralNormal<Float> &d, const Float &x) {
-        return central_cdf(d, Float(d.mean + math::wrap_angle(Float(x - d.mean))));
+        if (even) return even_icdf([&](const Float &v) { return math::clamp(central_icdf(d, v), Float(0), pi<Float>); }, u);
+        return math::wrap_angle(math::clamp(central_icdf(d, u), Float(d.mean - pi<Float>), Float(d.mean + pi<Float>)));
     }
 };
 

@@ -20,6 +20,10 @@ def averages(
     halves: NDArray, out: NDArray
 ) -> None: ...  # fmt: skip
 
+def backscatter(
+    a_f: float, a_b: float, alpha_f: float, alpha_b: float, beta_f: float, beta_b: float, exact: bool, d_b: float
+) -> tuple[float, float, float]: ...
+
 class Model:
     def __init__(self, alpha: NDArray, beta: NDArray, energy_conserving: bool, direct: NDArray, *dual: Any) -> None: ...
     def eval(self, theta_i: NDArray, theta_r: NDArray, phi: NDArray, strands: NDArray, lobes: int, out: NDArray) -> None: ...

@@ -205,10 +205,7 @@ class Sampler:
         return self._one_lobe(1, False, lobe, x, theta_r, strands)
 
     def icdf_phi(self, u: ArrayLike, theta_r: ArrayLike, lobe: int, strands: ArrayLike | None = None) -> NDArray:
-        """Return an azimuth (radians) for u in [0, 1]: the inverse of `cdf_phi` where the lobe is even in phi.
-
-        A periodic lobe is inverted from -pi on, too, so that u -> phi is increasing.
-        """
+        """Return the azimuth (radians) below which, from -pi on, one lobe has probability u in [0, 1]."""
         x = validate.array("u", u, 0, 1, np.float64, remedy="u is a probability")
         return self._one_lobe(1, True, lobe, x, theta_r, strands)
 

@@ -81,6 +81,15 @@ void averages(const In<double> &alpha, const In<double> &beta, bool energy_conse
     });
 }
 
+// Energy, shift and deviation (A_b, Δ_b, σ_b) of what a half space of strands sends back, from averages given outright.
+nb::tuple backscatter(double a_f, double a_b, double alpha_f, double alpha_b, double beta_f, double beta_b, bool exact,
+                      double d_b) {
+    cuticle::Averages<double> a{a_f, a_b, alpha_f, alpha_b, beta_f, beta_b, 0, 0, 0, {}};
+    if (exact) cuticle::backscatter_exact(a);
+    else cuticle::backscatter_zinke2008(a, d_b);
+    return nb::make_tuple(a.back_energy, a.back_shift, a.back_deviation);
+}
+
 // A model ready to evaluate; it keeps the arrays it was given.
 struct Model {
     In<double> direct, spread, averages;
@@ -129,6 +138,7 @@ void bind_models(nb::module_ &m) {
     using release = nb::call_guard<nb::gil_scoped_release>;
     m.def("azimuthal_tables", &azimuthal_tables, release());
     m.def("averages", &averages, release());
+    m.def("backscatter", &backscatter);
     m.attr("average_columns") = cuticle::average_columns;
     nb::class_<Model>(m, "Model")
         .def(nb::init<const In<double> &, const In<double> &, bool, const In<double> &>())
