@@ -17,7 +17,7 @@ template <class Scalar> struct AverageTable {
 };
 
 template <class Scalar> struct DualScatteringModel {
-    FibreLobes<Scalar> fibre;
+    FibreLobes<Scalar> fibre;               // its form is longitudinal_of(formulation)
     AzimuthalTable<Scalar> direct, spread;  // N_p and N^G_p
     AverageTable<Scalar> averages;
     Formulation formulation;
@@ -33,7 +33,7 @@ CUTICLE_HD Averages<Float> averages_at(const AverageTable<Scalar> &table, const 
     const Scalar *q = table.data + (i * channels + channel) * average_columns;
     const Scalar *r = q + channels * average_columns;
     const auto at = [&](int column) { return Float(q[column]) + t * Float(r[column] - q[column]); };
-    return {at(0), at(1), at(2), at(3), at(4), at(5), at(6), at(7), at(8), {at(9), at(10), at(11)}};
+    return {at(0), at(1), at(2), at(3), at(4), at(5), at(6), at(7), at(8)};
 }
 
 // The backscatter lobe, independent of phi, for light spread by `variance` and shifted by `shift` before (theta_h).
@@ -42,8 +42,8 @@ template <class Float>
 CUTICLE_HD Float backscatter(Formulation formulation, const Averages<Float> &a, const Float &theta_i, const Float &theta_r,
                              const Float &shift, const Float &variance) {
     const bool exact = formulation == Formulation::exact;
-    const Float m = longitudinal(exact ? Longitudinal::energy_conserving : Longitudinal::gaussian, theta_i, theta_r,
-                                 Float(a.back_shift + shift), Float(a.back_deviation * a.back_deviation + variance));
+    const Float m = longitudinal(longitudinal_of(formulation), theta_i, theta_r, Float(a.back_shift + shift),
+                                 Float(a.back_deviation * a.back_deviation + variance));
     return (exact ? Float(1) : Float(2)) * a.back_energy * m / pi<Float>;
 }
 
@@ -69,7 +69,6 @@ CUTICLE_HD void dual_scattering_eval(const DualScatteringModel<Scalar> &model, c
         }
         if (!(lit < Float(1))) return;
     }
-    const Longitudinal form = exact ? Longitudinal::energy_conserving : model.fibre.form;
     const Bilinear<Float> at = locate(model.spread, inclination, phi);
     for (int c = 0; c < channels; ++c) {
         const Averages<Float> a = averages_at(model.averages, inclination, c, channels);
@@ -77,9 +76,9 @@ CUTICLE_HD void dual_scattering_eval(const DualScatteringModel<Scalar> &model, c
         Float sum = Float(0);
         for (int p = 0; p < lobe_count; ++p) {
             if (!(lobes & (1 << p))) continue;
-            const Float m = longitudinal(form, theta_i, theta_r, Float(Float(model.fibre.alpha[p]) + shift),
+            const Float m = longitudinal(model.fibre.form, theta_i, theta_r, Float(Float(model.fibre.alpha[p]) + shift),
                                          Float(Float(model.fibre.beta[p] * model.fibre.beta[p]) + spread));
-            sum = sum + (exact ? a.scale[p] : Float(1)) * m * interpolate<Float>(model.spread.data, at, p * channels + c);
+            sum = sum + m * interpolate<Float>(model.spread.data, at, p * channels + c);
         }
         const Float density = Float(model.d_f) * (exact ? Float(1) : Float(model.d_f));  // printed twice: T_f holds one
         if (lobes & mask_back)

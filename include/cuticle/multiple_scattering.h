@@ -16,9 +16,8 @@ template <class Float> struct Averages {
     Float beta_f, beta_b;    // its deviation: weighted mean of beta_p (zinke2008), or that of the whole mixture (exact)
     Float back_energy;       // A_b: what comes back from the strands behind, out of 1
     Float back_shift, back_deviation;  // Δ_b, σ_b
-    Float scale[lobe_count];           // exact: ∫ f_p cos over ∫ N_p, the energy that lobe p's spread form keeps
 };
-constexpr int average_columns = 9 + lobe_count;
+constexpr int average_columns = 9;
 
 // Value, first and second derivative along one parameter.
 template <class Float> struct Jet {
@@ -74,34 +73,39 @@ template <class Float> CUTICLE_HD void backscatter_zinke2008(Averages<Float> &a,
                        (Float(1) + b2 * (Float(2) * a.beta_f + Float(3) * a.beta_b));
 }
 
-// Averages at inclination theta of the fixed direction, by midpoint quadrature over the other one.
-// `halves(theta, p)` gives the azimuthal half energies of lobe p at an inclination.
+// `exact` stands on the energy-conserving longitudinal function, `zinke2008` on the Gaussian, as printed. With the
+// Gaussian no fibre at all has a sum of all orders: near the poles Fresnel's term is 1 and Gaussian lobes scatter more
+// than they receive.
+CUTICLE_HD inline Longitudinal longitudinal_of(Formulation formulation) {
+    return formulation == Formulation::exact ? Longitudinal::energy_conserving : Longitudinal::gaussian;
+}
+
+// Averages at inclination theta of the viewer. `halves(theta, p)` gives the azimuthal half energies of lobe p at an
+// inclination. exact: ∫ M cos = 1 and N is taken at theta, so these are the averages. zinke2008: the midpoint rule over
+// the other inclination, with the cosine as printed, cos theta_d of the specular cone.
 template <class Float, class Lookup>
 Averages<Float> half_sphere_averages(const FibreLobes<Float> &fibre, Formulation formulation, const Float &theta,
                                      const Lookup &halves, int quadrature) {
     Float forward[lobe_count] = {}, backward[lobe_count] = {};
-    Averages<Float> a{};
     for (int p = 0; p < lobe_count; ++p) {
-        const Halves<Float> own = halves(theta, p);
-        if (fibre.form == Longitudinal::energy_conserving && formulation == Formulation::exact) {
-            forward[p] = own.forward;  // ∫ M cos = 1 and N is taken at theta
+        if (formulation == Formulation::exact) {
+            const Halves<Float> own = halves(theta, p);
+            forward[p] = own.forward;
             backward[p] = own.backward;
-        } else {
-            const Float step = pi<Float> / Float(quadrature);
-            for (int j = 0; j < quadrature; ++j) {
-                const Float other = -half_pi<Float> + step * (Float(j) + Float(.5));
-                const Float c = math::cos(other);
-                // As printed, the cosine is cos theta_d of the specular cone; energy wants the scattered direction's.
-                const Float weight =
-                    step * c * (formulation == Formulation::exact ? c : math::cos(theta)) *
-                    longitudinal(fibre.form, other, theta, fibre.alpha[p], Float(fibre.beta[p] * fibre.beta[p]));
-                const Halves<Float> h = halves(azimuthal_inclination(fibre.form, other, theta), p);
-                forward[p] += weight * h.forward;
-                backward[p] += weight * h.backward;
-            }
+            continue;
         }
-        a.scale[p] = (forward[p] + backward[p]) / math::max(Float(own.forward + own.backward), Float(1e-30));
+        const Float step = pi<Float> / Float(quadrature);
+        for (int j = 0; j < quadrature; ++j) {
+            const Float other = -half_pi<Float> + step * (Float(j) + Float(.5));
+            const Float m =
+                longitudinal(Longitudinal::gaussian, other, theta, fibre.alpha[p], Float(fibre.beta[p] * fibre.beta[p]));
+            const Float weight = step * math::cos(other) * math::cos(theta) * m;
+            const Halves<Float> h = halves(theta_difference(other, theta), p);
+            forward[p] += weight * h.forward;
+            backward[p] += weight * h.backward;
+        }
     }
+    Averages<Float> a{};
     const auto moments = [&](const Float *energy, Float &total, Float &mean, Float &deviation) {
         Float first = Float(0), second = Float(0), width = Float(0);
         total = Float(1e-30);

@@ -16,8 +16,7 @@ def azimuthal_tables(
     halves: NDArray,
 ) -> None: ...
 def averages(
-    alpha: NDArray, beta: NDArray, energy_conserving: bool, exact: bool, d_b: float, limit: float, quadrature: int,
-    halves: NDArray, out: NDArray
+    alpha: NDArray, beta: NDArray, exact: bool, d_b: float, limit: float, quadrature: int, halves: NDArray, out: NDArray
 ) -> None: ...  # fmt: skip
 
 def backscatter(

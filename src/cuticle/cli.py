@@ -232,7 +232,7 @@ def _model(sampler: Sampler, fibre: str | None) -> Any:
         raise ValueError("this sampler does not say which fibre it is for; give one with --fibre")
     if about.get("model") == "Marschner":
         return Marschner(own, about.get("longitudinal", "gaussian"))
-    return DualScattering(own, sampler.strands[0], about.get("formulation"), about.get("longitudinal"))
+    return DualScattering(own, sampler.strands[0], about.get("formulation"))
 
 
 def fit_summary(result: Fit) -> dict[str, Any]:

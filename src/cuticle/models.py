@@ -16,6 +16,7 @@ from cuticle.fibre import LOBES, Fibre
 PARTS = (*LOBES, "back")
 FORMULATIONS = ("exact", "zinke2008")
 LONGITUDINAL = ("gaussian", "energy_conserving")
+_LONGITUDINAL_OF = {"exact": "energy_conserving", "zinke2008": "gaussian"}
 MAX_STRANDS = 1e4
 
 _ROWS = 181  # azimuthal tables: theta_d in steps of half a degree
@@ -195,11 +196,9 @@ class DualScattering:
     strands
         How many strands lie toward the light, whole or not, 0 to 10,000.
     formulation
-        "exact": every part carries the energy it stands for, all orders of backscatter are summed. "zinke2008": the
-        formulas as printed. Default: the fibre's own, which is "exact" unless it says otherwise.
-    longitudinal
-        As in `Marschner`. Default: "energy_conserving" for exact, "gaussian" for zinke2008.
-
+        "exact": every part carries the energy it stands for, all orders of backscatter are summed, the longitudinal
+        function conserves energy. "zinke2008": the formulas as printed, with the Gaussian one. Default: the fibre's
+        own, which is "exact" unless it says otherwise.
     Raises
     ------
     ValueError
@@ -209,7 +208,6 @@ class DualScattering:
     fibre: Fibre
     strands: float = 0.0
     formulation: str | None = None
-    longitudinal: str | None = None
     even = True
 
     def __post_init__(self) -> None:
@@ -217,9 +215,6 @@ class DualScattering:
         if self.formulation is None:
             object.__setattr__(self, "formulation", self.fibre.formulation)
         validate.choice("formulation", self.formulation, FORMULATIONS)
-        if self.longitudinal is None:
-            object.__setattr__(self, "longitudinal", "energy_conserving" if self._exact else "gaussian")
-        validate.choice("longitudinal", self.longitudinal, LONGITUDINAL)
         object.__setattr__(self, "strands", validate.number("strands", self.strands, 0, MAX_STRANDS))
         self._average_table  # noqa: B018 - refuses a fibre whose multiple scattering diverges before any other work
 
@@ -235,23 +230,22 @@ class DualScattering:
     @cached_property
     def single(self) -> Marschner:
         """The fibre on its own."""
-        return Marschner(self.fibre, str(self.longitudinal))
+        return Marschner(self.fibre, _LONGITUDINAL_OF[str(self.formulation)])
 
     @property
     def _average_table(self) -> NDArray[np.float64]:
-        return _averages(self.fibre, self._exact, self.single._conserving)
+        return _averages(self.fibre, str(self.formulation))
 
     @cached_property
     def _core(self) -> _core.Model:
         f, tables = self.fibre, self.single.tables
         return _core.Model(
-            f.alpha, f.beta, self.single._conserving, tables.direct, tables.spread, self._average_table, _AVERAGE_LIMIT,
-            self._exact, f.d_f, f.d_b,
+            f.alpha, f.beta, self._exact, tables.direct, tables.spread, self._average_table, _AVERAGE_LIMIT, f.d_f, f.d_b
         )  # fmt: skip
 
     def with_strands(self, strands: float) -> DualScattering:
         """Return the same model for another number of strands."""
-        return DualScattering(self.fibre, strands, self.formulation, self.longitudinal)
+        return DualScattering(self.fibre, strands, self.formulation)
 
     def averages(self, theta: ArrayLike) -> Averages:
         """Return the half-sphere averages at inclinations `theta` (radians)."""
@@ -278,15 +272,16 @@ def _check_fibre(fibre: object) -> None:
 
 
 @lru_cache(maxsize=16)
-def _averages(fibre: Fibre, exact: bool, conserving: bool) -> NDArray[np.float64]:
-    halves = Marschner(fibre, "energy_conserving" if conserving else "gaussian").tables.halves
+def _averages(fibre: Fibre, formulation: str) -> NDArray[np.float64]:
+    halves = Marschner(fibre, _LONGITUDINAL_OF[formulation]).tables.halves
     table = np.empty((_AVERAGE_ROWS, fibre.channels, _core.average_columns))
-    _core.averages(fibre.alpha, fibre.beta, conserving, exact, fibre.d_b, _AVERAGE_LIMIT, _AVERAGE_QUADRATURE, halves, table)
+    exact = formulation == "exact"
+    _core.averages(fibre.alpha, fibre.beta, exact, fibre.d_b, _AVERAGE_LIMIT, _AVERAGE_QUADRATURE, halves, table)
     total = table[:, :, 0] + table[:, :, 1]
     row, channel = np.unravel_index(np.argmax(total), total.shape)
     if not total[row, channel] < 1 - 1e-9:
         theta = np.degrees(np.linspace(-_AVERAGE_LIMIT, _AVERAGE_LIMIT, _AVERAGE_ROWS)[row])
-        remedy = "raise sigma_a" if conserving else 'raise sigma_a, or use longitudinal="energy_conserving"'
+        remedy = "raise sigma_a" if exact else 'raise sigma_a, or use formulation="exact", which conserves energy'
         raise ValueError(
             f"light scattered forward and back, a_f + a_b, must stay below 1, got {total[row, channel]:.4g} at theta"
             f" {theta:.3g}° (channel {channel}): multiple scattering has no sum; {remedy}"

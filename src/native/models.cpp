@@ -54,9 +54,9 @@ cuticle::FibreLobes<double> fibre_lobes(const In<double> &alpha, const In<double
 }
 
 // out: (rows, channels, average_columns) for inclinations from -limit to limit.
-void averages(const In<double> &alpha, const In<double> &beta, bool energy_conserving, bool exact, double d_b, double limit,
-              int quadrature, const In<double> &halves, Out<double> out) {
-    const auto fibre = fibre_lobes(alpha, beta, energy_conserving);
+void averages(const In<double> &alpha, const In<double> &beta, bool exact, double d_b, double limit, int quadrature,
+              const In<double> &halves, Out<double> out) {
+    const auto fibre = fibre_lobes(alpha, beta, exact);
     const auto formulation = exact ? cuticle::Formulation::exact : cuticle::Formulation::zinke2008;
     const auto rows = out.shape(0), channels = out.shape(1), half_rows = halves.shape(0);
     parallel_for(rows, 1, [&](std::size_t begin, std::size_t end) {
@@ -74,8 +74,8 @@ void averages(const In<double> &alpha, const In<double> &beta, bool energy_conse
                 auto a = cuticle::half_sphere_averages(fibre, formulation, theta, lookup, quadrature);
                 if (exact) cuticle::backscatter_exact(a);
                 else cuticle::backscatter_zinke2008(a, d_b);
-                const double values[] = {a.a_f,         a.a_b,        a.alpha_f,        a.alpha_b,  a.beta_f,   a.beta_b,
-                                         a.back_energy, a.back_shift, a.back_deviation, a.scale[0], a.scale[1], a.scale[2]};
+                const double values[] = {a.a_f,    a.a_b,         a.alpha_f,    a.alpha_b,       a.beta_f,
+                                         a.beta_b, a.back_energy, a.back_shift, a.back_deviation};
                 std::copy(std::begin(values), std::end(values), out.data() + (i * channels + c) * cuticle::average_columns);
             }
     });
@@ -84,7 +84,7 @@ void averages(const In<double> &alpha, const In<double> &beta, bool energy_conse
 // Energy, shift and deviation (A_b, Δ_b, σ_b) of what a half space of strands sends back, from averages given outright.
 nb::tuple backscatter(double a_f, double a_b, double alpha_f, double alpha_b, double beta_f, double beta_b, bool exact,
                       double d_b) {
-    cuticle::Averages<double> a{a_f, a_b, alpha_f, alpha_b, beta_f, beta_b, 0, 0, 0, {}};
+    cuticle::Averages<double> a{a_f, a_b, alpha_f, alpha_b, beta_f, beta_b, 0, 0, 0};
     if (exact) cuticle::backscatter_exact(a);
     else cuticle::backscatter_zinke2008(a, d_b);
     return nb::make_tuple(a.back_energy, a.back_shift, a.back_deviation);
@@ -101,9 +101,9 @@ struct Model {
         model.fibre = fibre_lobes(alpha, beta, energy_conserving);
         model.direct = view(direct);
     }
-    Model(const In<double> &alpha, const In<double> &beta, bool energy_conserving, const In<double> &direct_,
-          const In<double> &spread_, const In<double> &averages_, double limit, bool exact, double d_f, double d_b)
-        : Model(alpha, beta, energy_conserving, direct_) {
+    Model(const In<double> &alpha, const In<double> &beta, bool exact, const In<double> &direct_, const In<double> &spread_,
+          const In<double> &averages_, double limit, double d_f, double d_b)
+        : Model(alpha, beta, exact, direct_) {
         spread = spread_;
         averages = averages_;
         dual = true;
@@ -143,7 +143,7 @@ void bind_models(nb::module_ &m) {
     nb::class_<Model>(m, "Model")
         .def(nb::init<const In<double> &, const In<double> &, bool, const In<double> &>())
         .def(nb::init<const In<double> &, const In<double> &, bool, const In<double> &, const In<double> &,
-                      const In<double> &, double, bool, double, double>())
+                      const In<double> &, double, double, double>())
         .def("eval", &Model::eval, release());
     m.def("fresnel", [](double cos_i, double eta) { return cuticle::fresnel(cos_i, eta); });
     m.def("i0_scaled", [](double x) { return cuticle::i0_scaled(x); });
