@@ -20,7 +20,9 @@ SIGMAS = [np.radians(0.2), 0.05, 0.3, 1.0, 3.0, 50.0, 1e6]
 def points(density: Density, mean: float, sigma: float) -> np.ndarray:
     """Where the density has its mass: dense about the mean and about both ends."""
     scales = np.concatenate([[0], np.geomspace(1e-9, 2 * np.pi, 4000)])
-    near = np.concatenate([c + s * scales for c in (mean, -mean, density.low, density.high, 0.0, math.pi, -math.pi) for s in (-1, 1)])
+    near = np.concatenate(
+        [c + s * scales for c in (mean, -mean, density.low, density.high, 0.0, math.pi, -math.pi) for s in (-1, 1)]
+    )
     if density is periodic_normal:
         wrapped = np.mod(mean + np.pi, 2 * np.pi) - np.pi
         near = np.concatenate([near, wrapped + scales, wrapped - scales])

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from conftest import sphere
 
 import cuticle
+from conftest import sphere
 from cuticle import DualScattering, Fibre, Marschner, _core
 from cuticle.presets import PRESETS
 

@@ -14,7 +14,8 @@ template <class Float> struct Sample {
 
 // Weights sum to 1; sigmas are positive; a mean lies in its domain or at most one sigma outside (the table is
 // held to it node by node, and linear interpolation keeps it), so that CentralNormal serves.
-// Azimuth: `even` takes |phi| on [0, pi] (EvenNormal), else each lobe its own period (PeriodicNormal).
+// Azimuth: `even` takes |phi| on [0, pi] (EvenNormal), else each lobe its own period (PeriodicNormal), its mean within
+// ±2 pi.
 template <class Float, int K> struct Lobes {
     using Set = Pack<Float, K>;
     Set weight, scale;

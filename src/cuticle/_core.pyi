@@ -18,7 +18,6 @@ def azimuthal_tables(
 def averages(
     alpha: NDArray, beta: NDArray, exact: bool, d_b: float, limit: float, quadrature: int, halves: NDArray, out: NDArray
 ) -> None: ...  # fmt: skip
-
 def backscatter(
     a_f: float, a_b: float, alpha_f: float, alpha_b: float, beta_f: float, beta_b: float, exact: bool, d_b: float
 ) -> tuple[float, float, float]: ...

@@ -21,7 +21,7 @@ DEFAULT_ANGLES = np.radians([-85, -75, -60, -30, 0, 30, 60, 75, 85.0])
 CELLS = 40  # along each axis, of like probability
 LEAST_EXPECTED = 10.0  # samples in a cell; smaller cells are pooled
 INTEGRAL_DOUBLE, INTEGRAL_SINGLE = 1e-5, 1e-4
-_QUANTILES = (0.0, 1e-7, 1e-4, 0.01, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 1 - 1e-4, 1 - 1e-7, 1.0)
+_PANELS = np.array([-8, -5.5, -4, -3, -2, -1, 0, 1, 2, 3, 4, 5.5, 8.0])[:, None]  # edges about a lobe's mean, in sigmas
 _HEAVY = 0.1  # share of Σ w² that one sample may have before the mean's normal error means nothing
 
 
@@ -144,7 +144,7 @@ def check(
         bin and a pdf scaled by 1 % must be caught at this sample size, else the check itself fails.
     """
     angles = DEFAULT_ANGLES if theta_r is None else validate.angles("theta_r", theta_r, np.pi / 2 * (1 - 1e-6), np.float64)
-    counts = sampler.strands if strands is None else tuple(validate.number("strands", n, 0, 1e4) for n in strands)
+    counts = sampler.strands if strands is None else validate.strand_counts("strands", strands)
     validate.integer("samples", samples, 10_000, 100_000_000)
     validate.number("level", level, 1e-9, 0.5)
     validate.integer("seed", seed, 0, 2**63 - 1)
@@ -167,21 +167,25 @@ def check(
 
 
 def integrate_pdf(density: Density, sampler: Sampler, theta_r: float, strands: float, dtype: Any = np.float64) -> float:
-    """Return ∫ pdf d omega over the sphere by Gauss-Legendre panels between the quantiles of `sampler`'s lobes."""
-    lobes = range(len(sampler.mixture(theta_r, strands).weights))
-    theta = np.concatenate([sampler.icdf_theta(_QUANTILES, theta_r, k, strands) for k in lobes])
-    phi = np.concatenate([sampler.icdf_phi(_QUANTILES, theta_r, k, strands) for k in lobes])
-    order = 10 if len(lobes) <= 4 else 6
+    """Return ∫ pdf d omega over the sphere, by Gauss-Legendre panels as wide as `sampler`'s lobes are."""
+    lobes = sampler.mixture(theta_r, strands)
+    theta = lobes.mean_theta + _PANELS * lobes.sigma_theta
+    phi = lobes.mean_phi + _PANELS * np.minimum(lobes.sigma_phi, np.pi)
+    if sampler.even:
+        phi = np.concatenate([phi, -phi])
+    else:  # with the kink where a lobe's period ends; then all within one turn
+        phi = np.concatenate([phi, lobes.mean_phi[None] + np.pi])
+        phi = np.mod(phi + np.pi, 2 * np.pi) - np.pi
+    order = 10 if len(lobes.weight) <= 4 else 6
     x, wx = gauss_legendre(_edges(theta, np.pi / 2), order)
-    y, wy = gauss_legendre(_edges(np.concatenate([phi, -phi]) if sampler.even else phi, np.pi), order)
+    y, wy = gauss_legendre(_edges(phi, np.pi), order)
     xs, ys = x.astype(dtype), y.astype(dtype)
     p = density.pdf(xs[:, None], np.asarray(theta_r, dtype), ys[None, :], strands).astype(np.float64)
     return float((wx * np.cos(xs.astype(np.float64))) @ p @ wy)
 
 
 def _edges(inner: NDArray[np.float64], end: float) -> NDArray[np.float64]:
-    edges = np.unique(np.concatenate([inner, np.linspace(-end, end, 9)]).clip(-end, end))
-    return edges[np.concatenate([[True], np.diff(edges) > 1e-9])]
+    return np.unique(np.concatenate([inner.ravel(), np.linspace(-end, end, 9)]).clip(-end, end))
 
 
 def _model_for(model: Bcsdf, strands: float) -> Bcsdf:
@@ -204,7 +208,7 @@ class _Cells:
 
     def __init__(self, sampler: Sampler, theta_r: float, strands: float) -> None:
         self._sampler, self._theta_r, self._strands = sampler, theta_r, strands
-        self._weights = sampler.mixture(theta_r, strands).weights
+        self._weights = sampler.mixture(theta_r, strands).weight
         axes = []
         for cdf, end in ((sampler.cdf_theta, np.pi / 2), (sampler.cdf_phi, np.pi)):
             x = np.linspace(-end, end, 4001)
@@ -317,7 +321,7 @@ def widened(sampler: Sampler, lobe: int, factor: float) -> Sampler:
 def _controls(sampler: Sampler, strands: float, samples: int, each: float, rng: np.random.Generator) -> list[Control]:
     theta_r = 0.0
     cells = _Cells(sampler, theta_r, strands)
-    heaviest = int(np.argmax(sampler.mixture(theta_r, strands).weights)) % sampler.lobes
+    heaviest = int(np.argmax(sampler.mixture(theta_r, strands).weight)) % sampler.lobes
     theta, phi, _ = _draw(widened(sampler, heaviest, 1.05), theta_r, strands, samples, rng)
     wide = cells.test(theta, phi)[2]
     theta, phi, _ = _draw(sampler, theta_r, strands, samples, rng)

@@ -66,7 +66,7 @@ def read_strands(text: str) -> tuple[float, ...]:
         counts = tuple(float(part) for part in text.split(","))
     except ValueError:
         raise ValueError(f"--strands must be numbers with commas between, such as 0,1,2,4,8; got {text!r}") from None
-    return tuple(validate.number("--strands", n, 0, 1e4, remedy="it counts strands toward the light") for n in counts)
+    return validate.strand_counts("--strands", counts)
 
 
 def _table(title: str, caption: str | None = None) -> Table:
@@ -163,6 +163,8 @@ def check_command(
     loaded = Sampler.from_json(read_text(path, "sampler"), source=str(path))
     model = _model(loaded, fibre)
     counts = None if strands is None else read_strands(strands)
+    if output is not None:
+        writable_directory(output.parent, make=False)
     with _progress(json_output) as progress:
         report = check(loaded, model, strands=counts, samples=samples, seed=seed, progress=progress)
     text = json.dumps(report.to_dict(), indent=2, allow_nan=False) + "\n"

@@ -41,11 +41,12 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> Path:
     return target
 
 
-def writable_directory(path: str | os.PathLike[str]) -> Path:
-    """Make a directory if it is not there and make sure files can be written to it, or raise ValueError."""
+def writable_directory(path: str | os.PathLike[str], *, make: bool = True) -> Path:
+    """Make sure files can be written to a directory, made if it is not there, or raise ValueError."""
     target = Path(path)
     try:
-        target.mkdir(parents=True, exist_ok=True)
+        if make:
+            target.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=target):
             pass
     except OSError as error:

@@ -17,7 +17,6 @@ PARTS = (*LOBES, "back")
 FORMULATIONS = ("exact", "zinke2008")
 LONGITUDINAL = ("gaussian", "energy_conserving")
 _LONGITUDINAL_OF = {"exact": "energy_conserving", "zinke2008": "gaussian"}
-MAX_STRANDS = 1e4
 
 _ROWS = 181  # azimuthal tables: theta_d in steps of half a degree
 _OFFSETS = 1024  # cells of the quadrature over h >= 0
@@ -199,6 +198,7 @@ class DualScattering:
         "exact": every part carries the energy it stands for, all orders of backscatter are summed, the longitudinal
         function conserves energy. "zinke2008": the formulas as printed, with the Gaussian one. Default: the fibre's
         own, which is "exact" unless it says otherwise.
+
     Raises
     ------
     ValueError
@@ -215,7 +215,7 @@ class DualScattering:
         if self.formulation is None:
             object.__setattr__(self, "formulation", self.fibre.formulation)
         validate.choice("formulation", self.formulation, FORMULATIONS)
-        object.__setattr__(self, "strands", validate.number("strands", self.strands, 0, MAX_STRANDS))
+        object.__setattr__(self, "strands", validate.number("strands", self.strands, 0, validate.MAX_STRANDS))
         self._average_table  # noqa: B018 - refuses a fibre whose multiple scattering diverges before any other work
 
     @property

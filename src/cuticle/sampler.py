@@ -35,10 +35,16 @@ class Sample(NamedTuple):
 
 
 class LobeSet(NamedTuple):
-    """The mixture at one theta_r: a weight for each lobe; lobes of both rows between 0 and 1 strands."""
+    """The lobes at one theta_r, arrays of one value a lobe; those of both rows where two strand counts are blended.
 
-    weights: NDArray[np.float64]
-    blended: bool
+    Weights sum to 1; means and sigmas in radians.
+    """
+
+    weight: NDArray[np.float64]
+    mean_theta: NDArray[np.float64]
+    sigma_theta: NDArray[np.float64]
+    mean_phi: NDArray[np.float64]
+    sigma_phi: NDArray[np.float64]
 
 
 class SamplerFile(BaseModel):
@@ -93,7 +99,6 @@ class Sampler:
         energy = np.array(self.energy, np.float64)
         object.__setattr__(self, "strands", tuple(float(n) for n in self.strands))
         _check_table(nodes, energy, self.strands, self.even)
-        nodes[:, :, 0] /= nodes[:, :, 0].sum(axis=-1, keepdims=True)
         for name, value in (("nodes", nodes), ("energy", energy)):
             value.setflags(write=False)
             object.__setattr__(self, name, value)
@@ -180,14 +185,12 @@ class Sampler:
         return Sample(theta_i.reshape(shape), phi.reshape(shape), p.reshape(shape))
 
     def mixture(self, theta_r: float, strands: float | None = None) -> LobeSet:
-        """Return the weights of the lobes at one theta_r; 2 K of them between 0 and the next strand count."""
+        """Return the lobes at one theta_r (radians); 2 K of them between 0 and the next strand count."""
         tr = validate.number("theta_r", theta_r, -validate.HALF_PI, validate.HALF_PI, remedy=validate.RADIANS)
-        padded = self._padded
-        out = np.empty((2, padded))
-        self._table(np.float64).weights(tr, float(self._strands(strands, np.float64)), out)
-        blended = bool(out[1].any())
-        rows = out[:, : self.lobes] if blended else out[:1, : self.lobes]
-        return LobeSet(rows.reshape(-1).copy(), blended)
+        out = np.empty((2, len(PARAMETERS), self._padded))
+        self._double.mixture(tr, float(self._strands(strands, np.float64)), out)
+        rows = out[:, :, : self.lobes] if out[1, 0].any() else out[:1, :, : self.lobes]
+        return LobeSet(*np.concatenate(list(rows), axis=1))
 
     def cdf_theta(self, theta_i: ArrayLike, theta_r: ArrayLike, lobe: int, strands: ArrayLike | None = None) -> NDArray:
         """Return one lobe's probability of an inclination below theta_i (radians)."""
@@ -216,7 +219,7 @@ class Sampler:
 
         Edges are increasing radians, theta in [-pi/2, pi/2] and phi in [-pi, pi]; the result has one row a theta cell.
         """
-        weights = self.mixture(theta_r, strands).weights
+        weights = self.mixture(theta_r, strands).weight
         total = np.zeros((np.size(theta_edges) - 1, np.size(phi_edges) - 1))
         for lobe, weight in enumerate(weights):
             if weight > 0:
@@ -316,7 +319,9 @@ class Sampler:
                 counts = ", ".join(f"{n:g}" for n in self.strands)
                 raise ValueError(f"strands must be given: this sampler covers {counts}; pass strands=0 for direct light")
             strands = self.strands[0]
-        return validate.array("strands", strands, 0, 1e4, dtype, remedy="it counts strands toward the light")
+        return validate.array(
+            "strands", strands, 0, validate.MAX_STRANDS, dtype, remedy="it counts strands toward the light"
+        )
 
     def _one_lobe(
         self, coordinate: int, inverse: bool, lobe: int, x: NDArray, theta_r: ArrayLike, strands: ArrayLike | None
@@ -360,7 +365,7 @@ def _check_table(nodes: NDArray, energy: NDArray, strands: Sequence[float], even
     if not np.isfinite(counts).all() or (counts < 0).any() or (np.diff(counts) <= 0).any():
         raise ValueError(f"strands must be increasing counts from 0 on, got {list(strands)}")
     weight, mean_t, sigma_t, mean_p, sigma_p = np.moveaxis(nodes, 2, 0)
-    if (weight < 0).any() or not np.allclose(weight.sum(axis=-1), 1, atol=1e-6):
+    if (weight < 0).any() or not np.allclose(weight.sum(axis=-1), 1, rtol=0, atol=1e-6):
         raise ValueError(
             f"weights must be at least 0 and sum to 1 at every node, got {weight.min():g} to {weight.sum(-1).max():g}"
         )
@@ -376,5 +381,5 @@ def _check_table(nodes: NDArray, energy: NDArray, strands: Sequence[float], even
             raise ValueError(
                 f"{name} must lie in its domain or at most one sigma outside, got {float(np.max(distance / sigma)):g} sigma"
             )
-    if not even and (np.abs(mean_p) > 4 * math.pi).any():
-        raise ValueError(f"mean_phi must be within ±4 pi, got up to {float(np.abs(mean_p).max()):g}")
+    if not even and (np.abs(mean_p) > 2 * math.pi).any():
+        raise ValueError(f"mean_phi must be within ±2 pi, got up to {float(np.abs(mean_p).max()):g}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from cuticle import _core
 
 HALF_PI = math.pi / 2
+MAX_STRANDS = 1e4
 RADIANS = "angles are in radians: np.radians(...) converts degrees"
 
 
@@ -44,6 +46,16 @@ def choice(name: str, value: Any, allowed: Iterable[str]) -> str:
     return str(value)
 
 
+def strand_counts(name: str, values: Any) -> tuple[float, ...]:
+    """Return increasing strand counts, at least one, each in [0, 10,000]."""
+    if np.ndim(values) != 1 or not len(values):
+        raise ValueError(f"{name} must be a list of counts such as [0, 1, 2, 4, 8], got {values!r}")
+    counts = tuple(number(name, n, 0, MAX_STRANDS, remedy="it counts strands toward the light") for n in values)
+    if any(b <= a for a, b in pairwise(counts)):
+        raise ValueError(f"{name} must be increasing, got {', '.join(f'{n:g}' for n in counts)}")
+    return counts
+
+
 def array(
     name: str, value: ArrayLike, low: float, high: float, dtype: Any, *, remedy: str, open_end: bool = False
 ) -> NDArray:
@@ -54,7 +66,7 @@ def array(
         raise TypeError(f"{name} must be an array of numbers, got {type(value).__name__}") from error
     # A float can round past an end that a double respects: allow it its last digit.
     slack = 0.0 if open_end else 4 * float(np.finfo(x.dtype).eps) * max(abs(low), abs(high))
-    at = _core.first_outside(x, low - slack, high + (0 if open_end else slack), open_end)
+    at = _core.first_outside(x, float(low) - slack, float(high) + slack, open_end)
     if at >= 0:
         place = f"[{', '.join(map(str, np.unravel_index(at, x.shape)))}]" if x.ndim else ""
         close = ")" if open_end else "]"

@@ -75,14 +75,21 @@ template <class Float, int K> struct Table {
         });
     }
 
-    // The weights at one theta_r: out (2, K), of each row's lobes in the mixture.
-    void weights(Float theta_r, Float n, Out<Float> out) const {
+    // The lobes at one theta_r: out (2, lobe_parameters, K), those of `second` with weight 0 where there is no blend.
+    void mixture(Float theta_r, Float n, Out<Float> out) const {
         const auto s = cuticle::prepare(view, theta_r, n);
-        const bool both = s.share < Float(1);
-        for (int k = 0; k < K; ++k) {
-            out.data()[k] = s.share * s.first.weight[k];
-            out.data()[K + k] = both ? (Float(1) - s.share) * s.second.weight[k] : Float(0);
-        }
+        const auto write = [&](const cuticle::Lobes<Float, K> &l, Float share, Float *to) {
+            for (int k = 0; k < K; ++k) {
+                to[cuticle::lobe_weight * K + k] = share * l.weight[k];
+                to[cuticle::lobe_mean_theta * K + k] = l.theta.mean[k];
+                to[cuticle::lobe_sigma_theta * K + k] = cuticle::sqrt_half<Float> / l.theta.rate[k];
+                to[cuticle::lobe_mean_phi * K + k] = l.phi.mean[k];
+                to[cuticle::lobe_sigma_phi * K + k] = cuticle::sqrt_half<Float> / l.phi.rate[k];
+            }
+        };
+        std::fill(out.data(), out.data() + out.size(), Float(0));
+        write(s.first, s.share, out.data());
+        if (s.share < Float(1)) write(s.second, Float(1) - s.share, out.data() + cuticle::lobe_parameters * K);
     }
 };
 
@@ -94,7 +101,7 @@ template <class Float, int K> void bind(nb::module_ &m, const char *name) {
         .def("pdf", &T::pdf, release())
         .def("sample", &T::sample, release())
         .def("lobe", &T::lobe, release())
-        .def("weights", &T::weights, release());
+        .def("mixture", &T::mixture, release());
 }
 
 // The first value outside [lo, hi] (a NaN is), or -1. Half-open on the right if asked.
@@ -128,7 +135,8 @@ template <class Float> long first_outside(const In<Float> &x, double lo, double 
 
 // Counts of (theta, phi) samples in the cells between increasing edges, added to counts (theta cells, phi cells).
 // A sample outside the edges is counted in the return value.
-long histogram(const In<float> &theta, const In<float> &phi, const In<double> &theta_edges, const In<double> &phi_edges,
+template <class Float>
+long histogram(const In<Float> &theta, const In<Float> &phi, const In<double> &theta_edges, const In<double> &phi_edges,
                Out<std::int64_t> counts) {
     const double *te = theta_edges.data(), *pe = phi_edges.data();
     const std::size_t rows = theta_edges.size() - 1, columns = phi_edges.size() - 1;
@@ -168,9 +176,15 @@ void bind_sampler(nb::module_ &m) {
     bind<double, 8>(m, "Table8d");
     bind<double, 16>(m, "Table16d");
     bind<double, 32>(m, "Table32d");
-    m.def("histogram", &histogram, nb::call_guard<nb::gil_scoped_release>());
-    m.def("first_outside", &first_outside<float>, nb::call_guard<nb::gil_scoped_release>());
-    m.def("first_outside", &first_outside<double>, nb::call_guard<nb::gil_scoped_release>());
+    m.def("histogram", &histogram<float>, nb::arg().noconvert(), nb::arg().noconvert(), nb::arg(), nb::arg(), nb::arg(),
+          nb::call_guard<nb::gil_scoped_release>());
+    m.def("histogram", &histogram<double>, nb::arg().noconvert(), nb::arg().noconvert(), nb::arg(), nb::arg(), nb::arg(),
+          nb::call_guard<nb::gil_scoped_release>());
+    // Without noconvert a double array would pass for a float one.
+    m.def("first_outside", &first_outside<float>, nb::arg().noconvert(), nb::arg(), nb::arg(), nb::arg(),
+          nb::call_guard<nb::gil_scoped_release>());
+    m.def("first_outside", &first_outside<double>, nb::arg().noconvert(), nb::arg(), nb::arg(), nb::arg(),
+          nb::call_guard<nb::gil_scoped_release>());
 }
 
 }  // namespace native

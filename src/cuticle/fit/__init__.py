@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from cuticle.fit.lobes import END, Points, carry, grow, make_points, node_angles
 from cuticle.fit.mixture import Array, loss, to_natural
 from cuticle.fit.result import Candidate, Fit
 from cuticle.fit.target import OBJECTIVES, make_targets
-from cuticle.models import MAX_STRANDS, Bcsdf
+from cuticle.models import Bcsdf
 from cuticle.quality import measure
 from cuticle.sampler import MAX_LOBES, Sampler
 
@@ -135,13 +134,7 @@ def _counts(model: Bcsdf, strands: Sequence[float] | None) -> tuple[float, ...]:
     own = float(getattr(model, "strands", 0.0))
     if strands is None:
         return (own,)
-    if np.ndim(strands) != 1 or not len(strands):
-        raise ValueError(f"strands must be a list of counts such as [0, 1, 2, 4, 8], got {strands!r}")
-    counts = tuple(
-        validate.number("strands", n, 0, MAX_STRANDS, remedy="it counts strands toward the light") for n in strands
-    )
-    if any(b <= a for a, b in pairwise(counts)):
-        raise ValueError(f"strands must be increasing, got {', '.join(f'{n:g}' for n in counts)}")
+    counts = validate.strand_counts("strands", strands)
     if counts != (own,) and not callable(getattr(model, "with_strands", None)):
         raise TypeError(f"{type(model).__name__} knows no strands: leave strands out, or give a model with with_strands(n)")
     return counts

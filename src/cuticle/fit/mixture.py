@@ -63,6 +63,8 @@ def confine(u: Array, even: bool) -> Array:
     if even:
         beyond = _OUTSIDE * np.exp(v[..., 4, :])
         v[..., 3, :] = np.clip(u[..., 3, :], -beyond, np.pi + beyond)
+    else:
+        v[..., 3, :] = np.clip(u[..., 3, :], -2 * np.pi, 2 * np.pi)
     return v
 
 

@@ -1,0 +1,42 @@
+// The core on its own: compiled with all warnings as errors, float and double through the same lines.
+#include "cuticle/cuticle.h"
+
+#include <cmath>
+#include <cstdio>
+
+namespace {
+
+template <class Float> int run() {
+    constexpr int k = 2;
+    const Float nodes[] = {Float(.6), Float(.4), Float(1.4), Float(1.2), Float(.3), Float(.2), Float(3.1), Float(1), Float(.6), Float(.4),
+                           Float(.5), Float(.5), Float(-1.4), Float(-1.2), Float(.3), Float(.2), Float(3.1), Float(2), Float(.6), Float(.4)};
+    const Float energy[] = {Float(1), Float(1)}, strands[] = {Float(0)};
+    const cuticle::LobeTable<Float, k> table{nodes, energy, strands, 1, 2, true};
+    const auto sampler = cuticle::prepare(table, Float(.3), Float(0));
+    // ∫ pdf by the midpoint rule.
+    const int n = 400;
+    const Float pi = cuticle::pi<Float>;
+    double total = 0;
+    for (int i = 0; i < n; ++i)
+        for (int j = 0; j < n; ++j) {
+            const Float theta = pi * (Float(i) + Float(.5)) / Float(n) - pi / 2;
+            const Float phi = 2 * pi * (Float(j) + Float(.5)) / Float(n) - pi;
+            total += double(sampler.pdf(theta, phi)) * std::cos(double(theta)) * double(2 * pi * pi) / (double(n) * n);
+        }
+    // A sample's pdf is the pdf there, and a direction goes to angles and back.
+    int wrong = !(std::abs(total - 1) <= 1e-4);
+    for (int i = 0; i < 1000; ++i) {
+        const Float u = Float(i) / 1000, v = Float((i * 37) % 1000) / 1000, w = Float((i * 91) % 1000) / 1000;
+        const auto s = sampler.sample(u, v, w);
+        wrong += !(std::abs(s.pdf - sampler.pdf(s.theta_i, s.phi)) <= Float(1e-4) * s.pdf);
+        const auto direction = cuticle::to_direction(s.theta_i, s.phi);
+        wrong += !(std::abs(cuticle::theta_of(direction) - s.theta_i) <= Float(1e-3));
+        wrong += !(std::abs(cuticle::math::nearest_turn(Float(cuticle::phi_of(direction) - s.phi))) <= Float(1e-3));
+    }
+    std::printf("integral %.7f, %d wrong\n", total, wrong);
+    return wrong;
+}
+
+}  // namespace
+
+int main() { return run<float>() + run<double>() == 0 ? 0 : 1; }

@@ -1,0 +1,153 @@
+"""The command line: what it writes, and one clear line with exit code 2 for what is wrong."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import cuticle
+
+
+def run(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "cuticle.cli", *arguments], capture_output=True, text=True, timeout=120, cwd=cwd, check=False
+    )
+
+
+def refused(*arguments: str, words: str, cwd: Path) -> None:
+    before = sorted(cwd.rglob("*"))
+    done = run(*arguments, cwd=cwd)
+    assert done.returncode == 2, done
+    assert done.stdout == ""
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr
+    assert sorted(cwd.rglob("*")) == before  # nothing written
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("cli") / "brown"
+    done = run("fit", "brown", "--strands", "0,2", "--lobes", "3", "-o", str(folder))
+    assert done.returncode == 0, done.stderr
+    assert "ESS" in done.stdout
+    assert str(folder / "sampler.json") in done.stdout
+    return folder
+
+
+def test_fit_writes_what_it_says(fitted: Path) -> None:
+    sampler = cuticle.Sampler.load(fitted / "sampler.json")
+    assert sampler.lobes == 3
+    assert sampler.strands == (0, 2)
+    assert cuticle.Fibre.load(fitted / "fibre.toml") == cuticle.Fibre.preset("brown")
+    summary = json.loads((fitted / "fit.json").read_text())
+    assert summary["strands"] == [0, 2]
+    assert min(summary["ess"][0]) > 0.9
+
+
+def test_fit_reads_a_file_and_prints_json(tmp_path: Path) -> None:
+    cuticle.Fibre(beta_R=9, sigma_a=0.8).save(tmp_path / "mine.toml")
+    done = run("fit", "mine.toml", "--strands", "1", "--lobes", "2", "--json", "-o", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["lobes"] == 2
+
+
+def test_check_passes_and_writes_a_report(fitted: Path, tmp_path: Path) -> None:
+    done = run("check", str(fitted), "--samples", "100000", "-o", str(tmp_path / "report.json"))
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "Verdicts" in done.stdout
+    assert json.loads((tmp_path / "report.json").read_text())["ok"] is True
+    printed = run("check", str(fitted / "sampler.json"), "--samples", "100000", "--json", "--strands", "2")
+    assert json.loads(printed.stdout)["samples"] == 100000
+
+
+def test_check_fails_with_code_1(fitted: Path, tmp_path: Path) -> None:
+    """A sampler that covers a corner of the sphere only: its weights have no bound."""
+    data = json.loads((fitted / "sampler.json").read_text())
+    for row in data["nodes"]:
+        for node in row:
+            node[1:] = [[0.1] * 3, [0.02] * 3, [0.5] * 3, [0.02] * 3]
+    (tmp_path / "corner.json").write_text(json.dumps(data))
+    done = run("check", "corner.json", "--samples", "20000", cwd=tmp_path)
+    assert done.returncode == 1, done.stderr
+    assert "FAIL" in done.stdout
+
+
+def test_fibres() -> None:
+    done = run("fibres")
+    assert done.returncode == 0
+    assert "marschner" in done.stdout
+    assert cuticle.Fibre.from_toml(run("fibres", "--toml", "black").stdout) == cuticle.Fibre.preset("black")
+    assert set(json.loads(run("fibres", "--json").stdout)) == set(cuticle.presets.PRESETS)
+
+
+def test_help() -> None:
+    for arguments in ((), ("--help",), ("fit", "--help"), ("check", "--help")):
+        done = run(*arguments)
+        assert done.returncode == 0
+        assert "Usage" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("fit", "red", "-o", "x"), "fibre must be a preset (document, marschner, blond, brown, black) or a TOML file"),
+        (("fit", "none.toml", "-o", "x"), "cannot read fibre none.toml: No such file or directory"),
+        (("fit", "broken.toml", "-o", "x"), "broken.toml is not valid TOML"),
+        (("fit", "range.toml", "-o", "x"), "range.toml: beta_R must be in [0.1, 60] degrees, got 400"),
+        (("fit", "nan.toml", "-o", "x"), "nan.toml: eta must be in (1, 3], got nan"),
+        (("fit", "clear.toml", "-o", "x"), "a_f + a_b, must stay below 1"),
+        (("fit", "brown", "-o", "x", "--lobes", "0"), "--lobes must be in [1, 32], got 0"),
+        (("fit", "brown", "-o", "x", "--lobes", "four"), "--lobes must be a whole number from 1 to 32 or auto"),
+        (("fit", "brown", "-o", "x", "--strands", "-1"), "--strands must be in [0, 10000], got -1"),
+        (("fit", "brown", "-o", "x", "--strands", "1,x"), "--strands must be numbers with commas between"),
+        (("fit", "brown", "-o", "x", "--strands", "2,1"), "--strands must be increasing, got 2, 1"),
+        (("fit", "brown", "-o", "x", "--form", "gauss"), "--form must be one of lobes, document"),
+        (("fit", "brown", "-o", "x", "--objective", "red"), "--objective must be one of luminance, rgb"),
+        (("fit", "brown", "-o", "x", "--defensive", "2"), "--defensive must be in [0, 0.99], got 2"),
+        (("fit", "brown", "-o", "a-file/x"), "cannot write to a-file/x: Not a directory"),
+        (("fit", "brown"), "Missing option '-o'"),
+        (("fit", "brown", "-o", "x", "--speed", "9"), "No such option: --speed"),
+        (("check", "none.json"), "cannot read sampler none.json: No such file or directory"),
+        (("check", "cut.json"), "it ends early (truncated?)"),
+        (("check", "newer.json"), "newer than 1; upgrade cuticle"),
+        (("check", "good.json", "--samples", "3"), "samples must be in [10000, 1e+08], got 3"),
+        (("check", "good.json", "--fibre", "red"), "fibre must be a preset"),
+        (("check", "good.json", "-o", "none/report.json", "--samples", "10000"), "cannot write to none: No such file or directory"),
+        (("fibres", "--toml", "red"), "preset must be one of"),
+        (("paint",), "No such command 'paint'"),
+    ],
+)  # fmt: skip
+def test_bad_input(arguments: tuple[str, ...], words: str, fitted: Path, tmp_path: Path) -> None:
+    good = (fitted / "sampler.json").read_text()
+    (tmp_path / "good.json").write_text(good)
+    (tmp_path / "cut.json").write_text(good[:-200])
+    (tmp_path / "newer.json").write_text(good.replace('"version": 1', '"version": 9'))
+    (tmp_path / "broken.toml").write_text("[fibre\n")
+    (tmp_path / "range.toml").write_text("[fibre]\nbeta_R = 400\nsigma_a = 1\n")
+    (tmp_path / "nan.toml").write_text("[fibre]\neta = nan\nsigma_a = 1\n")
+    (tmp_path / "clear.toml").write_text("[fibre]\nsigma_a = 0.0\n")
+    (tmp_path / "a-file").write_text("")
+    refused(*arguments, words=words, cwd=tmp_path)
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write anywhere")
+def test_read_only_folder(tmp_path: Path) -> None:
+    folder = tmp_path / "locked"
+    folder.mkdir(mode=0o555)
+    refused("fit", "brown", "-o", str(folder), words="Permission denied", cwd=tmp_path)
+
+
+def test_a_failed_write_leaves_no_half_file(tmp_path: Path) -> None:
+    from cuticle.files import write_text
+
+    (tmp_path / "taken").mkdir()
+    with pytest.raises(ValueError, match="cannot write"):
+        write_text(tmp_path / "taken", "text")
+    assert [p.name for p in tmp_path.iterdir()] == ["taken"]
+    assert not list((tmp_path / "taken").iterdir())

@@ -1,0 +1,49 @@
+"""The headers as a C++ program meets them."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+FLAGS = ["-std=c++17", "-O2", "-Wall", "-Wextra", "-Wconversion", "-Werror", f"-I{ROOT / 'include'}"]
+
+
+@pytest.mark.parametrize("compiler", ["g++", "clang++"])
+def test_compiles_without_a_warning_and_runs(compiler: str, tmp_path: Path) -> None:
+    if shutil.which(compiler) is None:
+        pytest.skip(f"{compiler} is not installed")
+    program = tmp_path / "standalone"
+    built = subprocess.run(
+        [compiler, *FLAGS, str(ROOT / "tests/cpp/standalone.cpp"), "-o", str(program)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert built.returncode == 0, built.stderr
+    assert built.stderr == ""
+    ran = subprocess.run([str(program)], capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stdout
+
+
+def test_every_header_stands_alone(tmp_path: Path) -> None:
+    compiler = shutil.which("g++") or shutil.which("c++")
+    if compiler is None:
+        pytest.skip("no C++ compiler on the path")
+    for header in sorted((ROOT / "include/cuticle").glob("*.h")):
+        source = tmp_path / f"{header.stem}.cpp"
+        source.write_text(f'#include "cuticle/{header.name}"\n')
+        built = subprocess.run([compiler, *FLAGS, "-fsyntax-only", str(source)], capture_output=True, text=True, check=False)
+        assert built.returncode == 0, built.stderr
+
+
+def test_headers_are_short_and_depend_on_the_standard_library_only() -> None:
+    for header in (ROOT / "include/cuticle").glob("*.h"):
+        lines = header.read_text(encoding="utf-8").splitlines()
+        assert len(lines) <= 300, header.name
+        for line in lines:
+            if line.startswith("#include <"):
+                assert line[10:-1] in {"cmath", "cstdint", "cstring", "limits", "type_traits", "utility"}, line

@@ -1,0 +1,161 @@
+"""The fit: how good it has to be, on nodes and between them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import cuticle
+from cuticle import DualScattering, Fibre, Marschner, fit, measure
+
+BETWEEN = np.radians([-73.1, -52, -33.75, -11, 3.75, 26, 41.2, 63.7, 74.9])
+
+
+def test_document_fibre_with_four_lobes(document_fit: cuticle.Fit) -> None:
+    for _, mean, worst, beyond in document_fit.summary:
+        assert mean >= 0.985
+        assert worst >= 0.96
+        assert beyond >= 0.90
+    assert document_fit.seconds > 0
+
+
+def test_document_fibre_with_eight_lobes(document_model: DualScattering) -> None:
+    for _, mean, worst, beyond in fit(document_model, 8, strands=[0, 1, 2, 4, 8]).summary:
+        assert mean >= 0.993
+        assert worst >= 0.98
+        assert beyond >= 0.95
+
+
+def test_smooth_azimuth_with_eight_lobes(sharp_fit: tuple[DualScattering, cuticle.Fit]) -> None:
+    for _, mean, worst, _ in sharp_fit[1].summary:
+        assert mean >= 0.98
+        assert worst >= 0.96
+
+
+def test_between_nodes(document_model: DualScattering, document_fit: cuticle.Fit) -> None:
+    for n in (0, 0.3, 0.7, 1, 1.5, 2.6, 3, 6):
+        model = document_model.with_strands(n)
+        ess = [measure(document_fit.sampler, model, float(t), n).ess for t in BETWEEN]
+        assert np.mean(ess) >= 0.985
+        assert min(ess) >= 0.96
+
+
+def test_between_nodes_smooth(sharp_fit: tuple[DualScattering, cuticle.Fit]) -> None:
+    model, result = sharp_fit
+    for n in (0, 0.5, 1.5, 3, 6):
+        ess = [measure(result.sampler, model.with_strands(n), float(t), n).ess for t in BETWEEN]
+        assert np.mean(ess) >= 0.98
+        assert min(ess) >= 0.96
+
+
+@pytest.mark.parametrize(
+    "fibre",
+    [Fibre.preset("marschner"), Fibre.preset("black"), Fibre(alpha_R=-3, beta_R=3, sigma_a=0.3, beta_N=2),
+     Fibre(alpha_R=-20, beta_R=6, sigma_a=0.5, beta_N=8), Fibre(alpha_R=-10, beta_R=30, sigma_a=1, beta_N=60)],
+    ids=["marschner", "black", "narrow", "tilted", "rough"],
+)  # fmt: skip
+def test_other_fibres(fibre: Fibre) -> None:
+    result = fit(DualScattering(fibre), 6, strands=[0, 2])
+    for _, mean, worst, _ in result.summary:
+        assert mean >= 0.98
+        assert worst >= 0.94
+
+
+def test_ess_is_what_quadrature_of_another_kind_gives(document_model: DualScattering, document_fit: cuticle.Fit) -> None:
+    theta = (np.arange(1500) + 0.5) / 1500 * np.pi - np.pi / 2
+    phi = (np.arange(1500) + 0.5) / 1500 * 2 * np.pi - np.pi
+    f = document_model.eval(theta[:, None], np.radians(30), phi)[..., 0] * np.cos(theta)[:, None]
+    p = document_fit.sampler.pdf(theta[:, None], np.radians(30), phi, 0)
+    w = np.cos(theta)[:, None] * np.pi / 1500 * 2 * np.pi / 1500
+    expected = (f * w).sum() ** 2 / (f**2 / p * w).sum()
+    found = document_fit.ess[0][list(np.degrees(document_fit.theta_r).round()).index(30)]
+    assert found == pytest.approx(expected, abs=5e-4)
+
+
+def test_more_lobes_are_better(document_model: DualScattering) -> None:
+    means = [fit(document_model, k).summary[0][1] for k in (1, 2, 4)]
+    assert means[0] < means[1] < means[2]
+
+
+def test_document_form(document_model: DualScattering) -> None:
+    counts = [0, 1, 8]
+    result = fit(document_model, form="document", strands=counts)
+    assert result.sampler.lobes == 2
+    x = result.sampler.nodes[0, 30, :, 0]  # theta_r = 0: ¼ 0⁴ + .59, 3·0 - 2 degrees, .29
+    np.testing.assert_allclose(x, [0.9, np.radians(-2), 0.29, np.pi, 0.59], atol=1e-12)
+    bare = fit(document_model, form="document", strands=counts, defensive=0)
+    assert bare.sampler.lobes == 1
+    # Without the defensive share the wings of R and TRT lie outside: the largest weight has no bound.
+    assert bare.largest_weight[0].max() > 100 * result.largest_weight[0].max()
+    assert bare.ess[0].max() < result.ess[0].min()
+
+
+def test_rgb_objective_trades_luminance_for_the_worst_channel() -> None:
+    model = DualScattering(Fibre.preset("brown"))
+    luminance, rgb = fit(model, 4), fit(model, 4, objective="rgb")
+    assert rgb.ess_channels.min() > luminance.ess_channels.min()
+    assert rgb.ess.mean() < luminance.ess.mean()
+    assert rgb.ess_channels.mean() > luminance.ess_channels.mean()
+
+
+def test_program_chooses_the_lobes() -> None:
+    result = fit(Marschner(Fibre.preset("black")), None)
+    best = max(result.candidates, key=lambda c: c.efficiency)
+    assert result.sampler.lobes == best.lobes
+    assert [c.lobes for c in result.candidates] == list(range(1, len(result.candidates) + 1))
+    assert "chosen by ESS per cost" in repr(result)
+
+
+def test_any_object_with_eval_is_a_model() -> None:
+    class Tilted:
+        """Not even in phi, one channel, no strands."""
+
+        def eval(self, theta_i, theta_r, phi):
+            d = np.mod(phi - 2.0 + np.pi, 2 * np.pi) - np.pi
+            return np.exp(-0.5 * ((theta_i + theta_r) / 0.3) ** 2 - 0.5 * (d / 0.5) ** 2)[..., None] + 0.01
+
+    model = Tilted()
+    result = fit(model, 4)
+    assert not result.sampler.even
+    assert result.summary[0][1] >= 0.97
+    report = cuticle.check(result.sampler, model, samples=200_000, theta_r=np.radians([-60, 0, 60]))
+    assert report.ok, report
+
+
+class Nan:
+    def eval(self, theta_i, theta_r, phi):
+        return np.full((*np.broadcast_shapes(np.shape(theta_i), np.shape(phi)), 1), np.nan)
+
+
+class Dark:
+    def eval(self, theta_i, theta_r, phi):
+        return np.zeros((*np.broadcast_shapes(np.shape(theta_i), np.shape(phi)), 1))
+
+
+class Flat:
+    def eval(self, theta_i, theta_r, phi):
+        return np.zeros(np.broadcast_shapes(np.shape(theta_i), np.shape(phi)))
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda m: fit(m, 0), "lobes must be in [1, 32], got 0"),
+        (lambda m: fit(m, 2.5), "lobes must be a whole number, got 2.5"),
+        (lambda m: fit(m, strands=[]), "strands must be a list of counts"),
+        (lambda m: fit(m, strands=[2, 1]), "strands must be increasing, got 2, 1"),
+        (lambda m: fit(m, strands=[0, -1]), "strands must be in [0, 10000], got -1"),
+        (lambda m: fit(m, form="gauss"), "form must be one of lobes, document; got 'gauss'"),
+        (lambda m: fit(m, objective="red"), "objective must be one of luminance, rgb; got 'red'"),
+        (lambda m: fit(m, form="document", defensive=1.0), "defensive must be in [0, 0.99], got 1"),
+        (lambda m: fit("brown"), "model must have eval(theta_i, theta_r, phi), got str"),
+        (lambda m: fit(Marschner(Fibre.preset("black")), strands=[0, 1]), "Marschner knows no strands"),
+        (lambda m: fit(Nan()), "model.eval must be finite and at least 0, got nan"),
+        (lambda m: fit(Dark()), "there is nothing to sample"),
+        (lambda m: fit(Flat()), "model.eval must return shape"),
+    ],
+)
+def test_bad_input(document_model: DualScattering, call, words: str) -> None:
+    with pytest.raises((TypeError, ValueError)) as error:
+        call(document_model)
+    assert words in str(error.value)
