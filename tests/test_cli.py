@@ -118,7 +118,7 @@ def test_help() -> None:
         (("check", "newer.json"), "newer than 1; upgrade cuticle"),
         (("check", "good.json", "--samples", "3"), "samples must be in [10000, 1e+08], got 3"),
         (("check", "good.json", "--fibre", "red"), "fibre must be a preset"),
-        (("check", "good.json", "-o", "none/report.json", "--samples", "10000"), "cannot write to none: No such file or directory"),
+        (("check", "good.json", "-o", "none/r.json", "--samples", "10000"), "cannot write to none: No such file"),
         (("fibres", "--toml", "red"), "preset must be one of"),
         (("paint",), "No such command 'paint'"),
     ],

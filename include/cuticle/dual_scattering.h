@@ -84,7 +84,7 @@ CUTICLE_HD void dual_scattering_eval(const DualScatteringModel<Scalar> &model, c
         if (lobes & mask_back)
             sum = sum + (exact ? Float(1) : pi<Float>)*Float(model.d_b) *
                             backscatter(model.formulation, a, theta_i, theta_r, shift, spread);
-        const Float transmittance = math::exp(Float(n * math::log(math::max(a.a_f, std::numeric_limits<Float>::min()))));
+        const Float transmittance = math::decay(Float(n * math::log(math::max(a.a_f, std::numeric_limits<Float>::min()))));
         f[c] = f[c] + (Float(1) - lit) * density * transmittance * sum;
     }
 }

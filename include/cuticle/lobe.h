@@ -66,10 +66,10 @@ template <class Float> struct TruncatedNormal {
     CUTICLE_HD Float pdf(const Float &x) const {
         const Float z = (x - central.mean) * central.rate;
         const Float d = sign * (x - near) * central.rate;
-        const Float density =
-            select(in_tail,
-                   Float(two_over_sqrt_pi<Float> * central.rate / tail_mass * math::exp(Float(-d * (z_near + z_near + d)))),
-                   Float(central_norm(central) * math::exp(Float(-z * z))));
+        const Float density = select(
+            in_tail,
+            Float(two_over_sqrt_pi<Float> * central.rate / tail_mass * math::decay(Float(-d * (z_near + z_near + d)))),
+            Float(central_norm(central) * math::decay(Float(-z * z))));
         return select(x < lo, Float(0), select(x > hi, Float(0), density));
     }
 
@@ -99,7 +99,7 @@ template <class Float> struct TruncatedNormal {
   private:
     // erfc at distance d / rate from the near end, over exp(-z_near²).
     CUTICLE_HD Float scaled_tail(const Float &d) const {
-        return math::exp(Float(-d * (z_near + z_near + d))) * math::erfcx(Float(z_near + d));
+        return math::decay(Float(-d * (z_near + z_near + d))) * math::erfcx(Float(z_near + d));
     }
 };
 

@@ -31,11 +31,14 @@ template <class Float, int K> struct Lobes {
         theta = central_normal(parameter[lobe_mean_theta], Set(Set(sqrt_half<double>) / parameter[lobe_sigma_theta]), -pole,
                                pole);
         phi = central_normal(mean, Set(Set(sqrt_half<double>) / parameter[lobe_sigma_phi]), lo, hi);
-        scale = weight * central_norm(theta) * central_norm(phi) * Set(even ? .5 : 1.);
+        // Both norms by one division.
+        const double norm = two_over_sqrt_pi<double> * two_over_sqrt_pi<double> * (even ? .5 : 1.);
+        scale = (weight * theta.rate) * (phi.rate * Set(norm)) / (theta.mass * phi.mass);
     }
 
     // 1/sr: per steradian, d omega = cos(theta_i) d theta_i d phi.
     CUTICLE_HD Float pdf(const Float &theta_i, const Float &phi_i) const {
+        const Float per_steradian = Float(1) / math::cos_theta(theta_i);
         const Float wrapped = math::nearest_turn(phi_i);
         const Set zt = (Set(theta_i) - theta.mean) * theta.rate;
         Set d = Set(even ? math::abs(wrapped) : wrapped) - phi.mean;
@@ -44,8 +47,8 @@ template <class Float, int K> struct Lobes {
             d = select(d > half, Set(d - turn), select(d < -half, Set(d + turn), d));
         }
         const Set zp = d * phi.rate;
-        const Float density = sum(Set(scale * math::exp(Set(-(zt * zt + zp * zp)))));
-        return select(math::abs(theta_i) > half_pi<Float>, Float(0), Float(density / math::cos_theta(theta_i)));
+        const Float density = sum(Set(scale * decay(Set(-(zt * zt + zp * zp))))) * per_steradian;
+        return select(math::abs(theta_i) > half_pi<Float>, Float(0), density);
     }
 
     // One lobe's cdf in theta_i (from -pi/2) and in phi (from -pi), and their inverses.

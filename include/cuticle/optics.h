@@ -45,7 +45,7 @@ template <class Float>
 CUTICLE_HD Float attenuation(int p, const CrossSection<Float> &ray, const Float &sigma_a, bool closed) {
     const Float f = ray.fresnel;
     if (p == 0) return f;
-    const Float t = math::exp(Float(-sigma_a * ray.chord));
+    const Float t = math::decay(Float(-sigma_a * ray.chord));
     const Float tt = (Float(1) - f) * (Float(1) - f) * t;
     if (p == 1) return tt;
     return tt * f * t / (closed ? math::max(Float(Float(1) - f * t), Float(1e-9)) : Float(1));

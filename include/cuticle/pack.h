@@ -126,25 +126,27 @@ template <class T, int N> CUTICLE_INLINE Pack<T, N> load_pack(const T *data) {
     return r;
 }
 
+// Pairwise, which halves the wait for the last addition.
 template <class T, int N> CUTICLE_INLINE T sum(const Pack<T, N> &a) {
-    T s = a[0];
-    for (int i = 1; i < N; ++i) s = s + a[i];
-    return s;
+    T part[N];
+    for (int i = 0; i < N; ++i) part[i] = a[i];
+    for (int step = 1; step < N; step *= 2)
+        for (int i = 0; i + step < N; i += 2 * step) part[i] = part[i] + part[i + step];
+    return part[0];
 }
 
 // Found from cuticle::math by argument-dependent lookup, as an array type's own functions are.
 #if CUTICLE_NATIVE_PACK
 template <int N> CUTICLE_INLINE Pack<float, N> round_power(const Pack<float, N> &t, Pack<float, N> &rounded) {
     using Int = typename detail::PackStorage<std::int32_t, N>::type;
-    const Pack<float, N> half = select(t < Pack<float, N>(0.f), Pack<float, N>(-.5f), Pack<float, N>(.5f));
-    const Int n = __builtin_convertvector((t + half).v, Int);
+    const Int n = __builtin_convertvector((t - Pack<float, N>(.5f)).v, Int);
     rounded.v = __builtin_convertvector(n, typename Pack<float, N>::Storage);
     const Int bits = (n + 127) << 23;
     Pack<float, N> power;
     std::memcpy(&power.v, &bits, sizeof bits);
     return power;
 }
-template <int N> CUTICLE_INLINE Pack<float, N> exp(const Pack<float, N> &x) { return math::exp_single(x); }
+template <int N> CUTICLE_INLINE Pack<float, N> decay(const Pack<float, N> &x) { return math::decay_single(x); }
 template <int N> CUTICLE_INLINE Pack<float, N> erf(const Pack<float, N> &x) { return math::erf_single(x); }
 
 #if CUTICLE_NATIVE_SHUFFLE
@@ -165,9 +167,9 @@ CUTICLE_INLINE void erf_pair(const Pack<float, N> &a, const Pack<float, N> &b, P
 }
 #endif
 #endif
-template <class T, int N> CUTICLE_INLINE Pack<T, N> exp(const Pack<T, N> &x) {
+template <class T, int N> CUTICLE_INLINE Pack<T, N> decay(const Pack<T, N> &x) {
     Pack<T, N> r;
-    for (int i = 0; i < N; ++i) r.v[i] = math::exp(x[i]);
+    for (int i = 0; i < N; ++i) r.v[i] = math::decay(x[i]);
     return r;
 }
 template <class T, int N> CUTICLE_INLINE Pack<T, N> erf(const Pack<T, N> &x) {

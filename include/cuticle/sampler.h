@@ -91,20 +91,24 @@ CUTICLE_HD PreparedSampler<Float, K> prepare(const LobeTable<Scalar, K> &table, 
     const TablePosition<Float> at = locate<Float>(table, theta_r, strands);
     PreparedSampler<Float, K> out;
     out.share = Float(1);
-    Pack<Float, K> lower[lobe_parameters], upper[lobe_parameters];
+    Pack<Float, K> lower[lobe_parameters];
     interpolate_theta(table, at.s < Float(1) ? at.row : at.row + 1, at, lower);
-    if (any_of(at.s > Float(0)) && any_of(at.s < Float(1))) {
-        interpolate_theta(table, at.row + 1, at, upper);
-        if (at.blend) {
-            const Scalar *e = table.energy + at.node;
-            const Scalar *g = e + table.theta_nodes;
-            const Float e0 = (Float(1) - at.s) * (Float(e[0]) + at.t * Float(e[1] - e[0]));
-            const Float e1 = at.s * (Float(g[0]) + at.t * Float(g[1] - g[0]));
-            out.share = e0 / (e0 + e1);
-            out.second.set(upper, table.even);
-        } else {
-            for (int i = 0; i < lobe_parameters; ++i) lower[i] = lower[i] + Pack<Float, K>(at.s) * (upper[i] - lower[i]);
-        }
+    // On a row, the usual case, nothing else is touched: the parameters never leave the registers.
+    if (!any_of(at.s > Float(0)) || !any_of(at.s < Float(1))) {
+        out.first.set(lower, table.even);
+        return out;
+    }
+    Pack<Float, K> upper[lobe_parameters];
+    interpolate_theta(table, at.row + 1, at, upper);
+    if (at.blend) {
+        const Scalar *e = table.energy + at.node;
+        const Scalar *g = e + table.theta_nodes;
+        const Float e0 = (Float(1) - at.s) * (Float(e[0]) + at.t * Float(e[1] - e[0]));
+        const Float e1 = at.s * (Float(g[0]) + at.t * Float(g[1] - g[0]));
+        out.share = e0 / (e0 + e1);
+        out.second.set(upper, table.even);
+    } else {
+        for (int i = 0; i < lobe_parameters; ++i) lower[i] = lower[i] + Pack<Float, K>(at.s) * (upper[i] - lower[i]);
     }
     out.first.set(lower, table.even);
     return out;

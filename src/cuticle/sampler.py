@@ -279,14 +279,14 @@ class Sampler:
         if tuple(file.parameters) != PARAMETERS:
             raise ValueError(f"{source} is refused: parameters must be {list(PARAMETERS)}, got {list(file.parameters)}")
         try:
-            nodes = np.array(file.nodes, np.float64)
+            nodes, energy = np.array(file.nodes, np.float64), np.array(file.energy, np.float64)
         except ValueError:
-            raise ValueError(f"{source} is refused: nodes is ragged; every row must have one length") from None
+            raise ValueError(f"{source} is refused: nodes or energy is ragged; every row must have one length") from None
         expected = (len(file.strands), file.theta_nodes, len(PARAMETERS), file.lobes)
         if nodes.shape != expected:
             raise ValueError(f"{source} is refused: nodes has shape {nodes.shape}, its header says {expected}")
         try:
-            return cls(nodes, np.array(file.energy, np.float64), tuple(file.strands), file.even, file.about)
+            return cls(nodes, energy, tuple(file.strands), file.even, file.about)
         except ValueError as error:
             raise ValueError(f"{source} is refused: {error}") from None
 
