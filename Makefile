@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 NATIVE := $(wildcard src/native/*) $(wildcard include/cuticle/*) CMakeLists.txt pyproject.toml
 
-.PHONY: demo test lint format bench clean
+.PHONY: demo test lint format bench pictures clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.installed
@@ -45,6 +45,10 @@ $(VENV)/.installed-test: $(VENV)/.installed
 $(VENV)/.installed-lint: $(VENV)/.installed
 	$(PIP) install 'clang-format==19.1.7' 'mypy>=1.11' 'ruff>=0.8'
 	@touch $@
+
+# The pictures in docs/.
+pictures: demo
+	cp out/demo/densities.png docs/images/densities.png
 
 clean:
 	rm -rf $(VENV) build out dist
