@@ -90,15 +90,16 @@ CUTICLE_HD inline float round_power(const float &t, float &rounded) {
     return power;
 }
 
-// exp(x) for x <= 0, the only exponents a density has. In single precision: 2^n times the Taylor series of degree 6 on
-// [-½ ln 2, ½ ln 2], relative error below 2e-7. Below -60 it stays at 9e-27: the factors it meets then never make it a
-// denormal, which would cost more than everything else together.
+// exp(x) for x <= 0, the only exponents a density has. In single precision: 2^n times a minimax polynomial of degree 5 on
+// [-½ ln 2, ½ ln 2] (benchmarks/fit_polynomials.py), relative error below 2e-7. Below -60 it stays at 9e-27: the factors it
+// meets then never make it a denormal, which would cost more than everything else together.
 template <class T> CUTICLE_HD T decay_single(const T &x_) {
     const T x = max(x_, T(-60.f));
     T n;
     const T power = round_power(T(x * T(1.44269504f)), n);
     const T r = (x - n * T(.693145752f)) - n * T(1.42860677e-6f);  // ln 2 in two parts
-    return power * polynomial(r, T(1.f / 720), T(1.f / 120), T(1.f / 24), T(1.f / 6), T(.5f), T(1.f), T(1.f));
+    return power * polynomial(r, T(8.2976479e-3f), T(4.19154323e-2f), T(.166675751f), T(.499988944f), T(.999999692f),
+                              T(1.00000007f));
 }
 
 template <class T> CUTICLE_HD T decay(const T &x) { return exp(x); }
@@ -129,7 +130,7 @@ template <class T> CUTICLE_HD T erf(const T &x) {
     return erf(x);
 }
 
-// erf in single precision: x P(x²)/Q(x²) on |x| <= 4, our own minimax fit (benchmarks/fit_erf.py prints it);
+// erf in single precision: x P(x²)/Q(x²) on |x| <= 4, our own minimax fit (benchmarks/fit_polynomials.py);
 // relative error below 4e-7.
 template <class T> CUTICLE_HD T erf_single(const T &x_) {
     const T x = clamp(x_, T(-4.f), T(4.f));
@@ -199,8 +200,9 @@ template <class T> CUTICLE_HD T cos_theta(const T &theta) {
 
 CUTICLE_HD inline float cos_theta(float theta) {
     const float x = (half_pi<float> - abs(theta)) - 4.37113883e-8f;
-    const float t = x * x;  // sin by its series on [0, pi/2], error below 1e-7
-    const float s = x * polynomial(t, -2.50521084e-8f, 2.75573192e-6f, -1.98412698e-4f, 8.33333333e-3f, -.166666667f, 1.f);
+    const float t = x * x;
+    // sin on [0, pi/2], minimax of degree 9 (benchmarks/fit_polynomials.py), error below 1e-7.
+    const float s = x * polynomial(t, 2.60190274e-6f, -1.98074186e-4f, 8.33302514e-3f, -.166666567f, 1.f);
     return max(s, std::numeric_limits<float>::epsilon());
 }
 

@@ -46,10 +46,11 @@ CUTICLE_HD TablePosition<Float> locate(const LobeTable<Scalar, K> &table, const 
     while (row + 2 < table.rows && strands >= Float(table.strands[row + 1])) ++row;
     const Float lo = Float(table.strands[row]);
     const Float hi = table.rows > 1 ? Float(table.strands[row + 1]) : Float(lo + Float(1));
-    Float s = Float(0);
-    if (table.rows > 1 && strands > lo) s = math::min(Float((strands - lo) / (hi - lo)), Float(1));
     const bool blend = table.rows > 1 && row == 0 && table.strands[0] == Scalar(0);
-    if (blend) s = math::clamp(Float(strands / math::min(hi, Float(1))), Float(0), Float(1));
+    const Float span = blend ? math::min(hi, Float(1)) : Float(hi - lo);
+    // Branches, not a division on the way to every load: counts are whole more often than not.
+    Float s = Float(0);
+    if (table.rows > 1 && strands > lo) s = strands < lo + span ? Float((strands - lo) / span) : Float(1);
     return {node, row, Float(x - Float(node)), s, blend};
 }
 
@@ -92,12 +93,15 @@ CUTICLE_HD PreparedSampler<Float, K> prepare(const LobeTable<Scalar, K> &table, 
     PreparedSampler<Float, K> out;
     out.share = Float(1);
     Pack<Float, K> lower[lobe_parameters];
-    interpolate_theta(table, at.s < Float(1) ? at.row : at.row + 1, at, lower);
     // On a row, the usual case, nothing else is touched: the parameters never leave the registers.
-    if (!any_of(at.s > Float(0)) || !any_of(at.s < Float(1))) {
+    const bool on_lower = !any_of(at.s > Float(0)), on_upper = !any_of(at.s < Float(1));
+    if (on_lower || on_upper) {
+        if (on_lower) interpolate_theta(table, at.row, at, lower);
+        else interpolate_theta(table, at.row + 1, at, lower);
         out.first.set(lower, table.even);
         return out;
     }
+    interpolate_theta(table, at.row, at, lower);
     Pack<Float, K> upper[lobe_parameters];
     interpolate_theta(table, at.row + 1, at, upper);
     if (at.blend) {

@@ -262,11 +262,11 @@ def fit_table(result: Fit) -> Table:
     table.add_column("strands", justify="right")
     for t in np.degrees(result.theta_r):
         table.add_column(f"{t:.0f}°", justify="right")
-    table.add_column("blue/last channel" if result.ess_channels.shape[2] > 1 else "largest weight", justify="right")
+    table.add_column("worst channel" if result.ess_channels.shape[2] > 1 else "largest weight", justify="right")
     for n, row, channels, weights in zip(
         result.sampler.strands, result.ess, result.ess_channels, result.largest_weight, strict=True
     ):
-        last = f"{channels[:, -1].min():.3f}" if channels.shape[1] > 1 else f"{weights.max():.3g}"
+        last = f"{channels.min():.3f}" if channels.shape[1] > 1 else f"{weights.max():.3g}"
         table.add_row(f"{n:g}", *(f"{e:.3f}" for e in row), last)
     return table
 

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdint>
 #include <mutex>
+#include <new>
 #include <vector>
 
 namespace native {
@@ -34,15 +35,13 @@ template <class Float, int K> struct Table {
     void each(std::size_t count, const In<Float> &theta_r, const In<Float> &n, const Body &body) const {
         const auto tr = broadcast(theta_r), ns = broadcast(n);
         parallel_for(count, 1024, [&](std::size_t begin, std::size_t end) {
-            Float last_theta = std::numeric_limits<Float>::quiet_NaN(), last_n = last_theta;
-            cuticle::PreparedSampler<Float, K> sampler;
+            using Prepared = cuticle::PreparedSampler<Float, K>;
+            alignas(Prepared) unsigned char place[sizeof(Prepared)];  // made there, not copied there
+            const Prepared *sampler = nullptr;
             for (std::size_t i = begin; i < end; ++i) {
-                if (tr[i] != last_theta || ns[i] != last_n) {
-                    last_theta = tr[i];
-                    last_n = ns[i];
-                    sampler = cuticle::prepare(view, last_theta, last_n);
-                }
-                body(i, sampler);
+                if (i == begin || tr[i] != tr[i - 1] || ns[i] != ns[i - 1])
+                    sampler = new (place) Prepared(cuticle::prepare(view, Float(tr[i]), Float(ns[i])));
+                body(i, *sampler);
             }
         });
     }

@@ -13,7 +13,7 @@ from cuticle.models import Bcsdf, is_even
 from cuticle.quadrature import Grid, adapted_grid
 
 OBJECTIVES = ("luminance", "rgb")
-_COARSE = (200, 48)
+_COARSE = (150, 36)
 _FINE = (56, 36)
 
 
