@@ -23,6 +23,7 @@ from rich.table import Table
 
 import cuticle
 from cuticle import models
+from cuticle.cli import ess_text
 from cuticle.fit import MEASURED_AT
 from cuticle.quality import UniformSphere
 from cuticle.sampler import Sampler
@@ -144,7 +145,7 @@ def main() -> None:
         efficiency = ess[0][0] / (nanoseconds / unit)
         table.add_row(
             name,
-            *(" ".join(f"{min(x, 0.9999):.3f}"[1:] if x < 0.9995 else "1.00" for x in e) for e in ess),
+            *(" ".join(map(ess_text, e)) for e in ess),
             f"{efficiency:.2f}",
             seconds,
         )

@@ -253,6 +253,11 @@ def fit_summary(result: Fit) -> dict[str, Any]:
     }
 
 
+def ess_text(value: float) -> str:
+    """Return an ESS in four characters, so that nine viewers fit a terminal."""
+    return f"{value:.2f}" if value >= 0.9995 else f"{value:.3f}"[1:]
+
+
 def fit_table(result: Fit) -> Table:
     """Return the table of ESS by strand count and viewer."""
     caption = f"fitted in {result.seconds:.2f} s"
@@ -266,8 +271,8 @@ def fit_table(result: Fit) -> Table:
     for n, row, channels, weights in zip(
         result.sampler.strands, result.ess, result.ess_channels, result.largest_weight, strict=True
     ):
-        last = f"{channels.min():.3f}" if channels.shape[1] > 1 else f"{weights.max():.3g}"
-        table.add_row(f"{n:g}", *(f"{e:.3f}" for e in row), last)
+        last = ess_text(channels.min()) if channels.shape[1] > 1 else f"{weights.max():.3g}"
+        table.add_row(f"{n:g}", *map(ess_text, row), last)
     return table
 
 
@@ -289,7 +294,7 @@ def check_tables(report: Report) -> list[Table]:
     for n in dict.fromkeys(c.strands for c in report.cases):
         row = [c for c in report.cases if c.strands == n]
         worst = f"{max(c.largest_weight for c in row):.3g}", f"{max(c.total_variation for c in row):.3f}"
-        cases.add_row(f"{n:g}", *(f"{c.ess:.3f}" for c in row), *worst)
+        cases.add_row(f"{n:g}", *(ess_text(c.ess) for c in row), *worst)
     controls = _table("Negative controls: samplers broken on purpose")
     for column in ("strands", "control", "caught", "evidence"):
         controls.add_column(column)
