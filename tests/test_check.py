@@ -18,7 +18,7 @@ def test_a_fitted_sampler_passes(document_model: cuticle.DualScattering, documen
     assert report.ok, report
     assert len(report.cases) == 45
     assert {c.name for c in report.controls if c.caught} == {
-        "heaviest lobe 5 % too wide",
+        "a lobe 5 % too wide",
         "phi shifted by half a bin",
         "pdf scaled by 1 %",
     }

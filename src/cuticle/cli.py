@@ -299,7 +299,7 @@ def check_tables(report: Report) -> list[Table]:
     for column in ("strands", "control", "caught", "evidence"):
         controls.add_column(column)
     for c in report.controls:
-        caught = "yes" if c.caught else "NO" if c.applies else "too small a change"
+        caught = "yes" if c.caught else "NO" if c.applies else "hardly a change"
         controls.add_row(f"{c.strands:g}", c.name, caught, c.evidence)
     return [cases, controls, verdicts]
 

@@ -13,7 +13,7 @@ _UNIFORM = 0.35  # share of the cells spread evenly, the rest by where the densi
 
 
 class Grid(NamedTuple):
-    """Cell centres and lengths along theta (A,) and phi (B,), radians."""
+    """Points and their weights along theta (A,) and phi (B,), radians: a product rule."""
 
     theta: Array
     theta_weight: Array
@@ -22,27 +22,28 @@ class Grid(NamedTuple):
 
     @property
     def weights(self) -> Array:
-        """Cell areas in d theta d phi, shape (A, B)."""
+        """Weights in d theta d phi, shape (A, B)."""
         return np.outer(self.theta_weight, self.phi_weight)
 
 
-def grid(theta_edges: Array, phi_edges: Array) -> Grid:
-    """Return the grid of cells between edges."""
-    middle = [0.5 * (e[1:] + e[:-1]) for e in (theta_edges, phi_edges)]
-    return Grid(middle[0], np.diff(theta_edges), middle[1], np.diff(phi_edges))
+def grid(theta_edges: Array, phi_edges: Array, order: int = 1) -> Grid:
+    """Return the Gauss-Legendre rule of `order` points in each cell between edges; order 1 is the midpoint rule."""
+    return Grid(*gauss_legendre(theta_edges, order), *gauss_legendre(phi_edges, order))
 
 
-def adapted_grid(density: Callable[[Grid], Array], *, even: bool, coarse: tuple[int, int], fine: tuple[int, int]) -> Grid:
+def adapted_grid(
+    density: Callable[[Grid], Array], *, even: bool, coarse: tuple[int, int], fine: tuple[int, int], order: int = 1
+) -> Grid:
     """Return a grid with cells where `density` (per d theta d phi) has its mass.
 
-    `coarse` and `fine` are numbers of cells over theta and over half the azimuth; an even density is covered on
-    phi in [0, pi] only, another on [-pi, pi].
+    `coarse` and `fine` are numbers of cells over theta and over half the azimuth, `order` the points along a fine
+    cell; an even density is covered on phi in [0, pi] only, another on [-pi, pi].
     """
     low, factor = (0.0, 1) if even else (-np.pi, 2)
     theta = np.linspace(-np.pi / 2, np.pi / 2, coarse[0] + 1)
     phi = np.linspace(low, np.pi, coarse[1] * factor + 1)
     mass = density(grid(theta, phi))
-    return grid(_share(theta, mass.sum(axis=1), fine[0]), _share(phi, mass.sum(axis=0), fine[1] * factor))
+    return grid(_share(theta, mass.sum(axis=1), fine[0]), _share(phi, mass.sum(axis=0), fine[1] * factor), order)
 
 
 def gauss_legendre(edges: Array, order: int) -> tuple[Array, Array]:

@@ -13,7 +13,8 @@ from cuticle.models import Bcsdf, is_even
 from cuticle.quadrature import Grid, adapted_grid
 
 _COARSE = (360, 120)
-_FINE = (320, 128)
+_FINE = (80, 48)
+_ORDER = 4
 _LEAST_DENSITY = 1e-30  # 1/sr
 
 
@@ -78,7 +79,9 @@ def measure(sampler: Density, model: Bcsdf, theta_r: float, strands: float | Non
         return evaluate(model, g.theta, theta_r, g.phi)
 
     # Cells follow f·cos; in this measure every integrand below is smooth.
-    g = adapted_grid(lambda c: luminance(values(c)) * np.cos(c.theta)[:, None], even=even, coarse=_COARSE, fine=_FINE)
+    g = adapted_grid(
+        lambda c: luminance(values(c)) * np.cos(c.theta)[:, None], even=even, coarse=_COARSE, fine=_FINE, order=_ORDER
+    )
     f = values(g)  # f cos, per steradian
     solid_angle = g.weights * np.cos(g.theta)[:, None] * (2 if even else 1)
     p = sampler.pdf(g.theta[:, None], theta_r, g.phi[None, :], strands)
