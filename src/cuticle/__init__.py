@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cuticle import presets
+from cuticle import densities, presets
 from cuticle.check import Report, check
 from cuticle.distribution import Distribution, tabulate
 from cuticle.fibre import Fibre
@@ -26,6 +26,7 @@ __all__ = [
     "Sampler",
     "__version__",
     "check",
+    "densities",
     "fit",
     "measure",
     "presets",

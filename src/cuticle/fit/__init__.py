@@ -167,7 +167,7 @@ def _fit_lobes(
         report("carrying to all viewers", low)
         u = carry(p, starts[i], len(g))
         u = polish(p, u, iterations=30, progress=lambda f, a=low, b=high: report("polishing", a + (b - a) * f))  # type: ignore[misc]
-        tables.append(to_natural(u).transpose(0, 1, 2, 3))
+        tables.append(to_natural(u))
         energies.append(_node_energy(p, len(g)))
     return np.concatenate(tables), np.concatenate(energies), points[0].targets.even, candidates
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cuticle.densities import even_normal, longitudinal_normal, periodic_normal
 from cuticle.fit.mixture import Array, confine, equations, from_natural, jacobian, loss, solve_each, to_natural
 from cuticle.fit.target import Targets, make_targets
 from cuticle.models import Bcsdf
@@ -37,10 +38,6 @@ class Points:
         lower = (1 - t) * x[self.row, self.node] + t * x[self.row, self.node + 1]
         upper = (1 - t) * x[upper_row, self.node] + t * x[upper_row, self.node + 1]
         return (1 - s) * lower + s * upper
-
-    def take(self, index: NDArray[np.intp]) -> Points:
-        """Return some of the points."""
-        return Points(self.node[index], self.t[index], self.row[index], self.s[index], self.targets.take(index))
 
 
 def node_angles() -> Array:
@@ -120,13 +117,12 @@ def _with_one_more(targets: Targets, u: Array) -> Array:
 
 
 def _density(targets: Targets, x: Array) -> Array:
-    # p from the loss's own densities would need another binding; the package's triples serve.
-    from cuticle.densities import even_normal as even
-    from cuticle.densities import longitudinal_normal, periodic_normal
-
-    azimuth = (lambda *a: 2 * even.pdf(*a)) if targets.even else periodic_normal.pdf
+    along_phi = (
+        2 * even_normal.pdf(targets.phi[0][:, None], x[3], x[4])  # q holds both signs of phi on [0, pi]
+        if targets.even
+        else periodic_normal.pdf(targets.phi[0][:, None], x[3], x[4])
+    )
     along_theta = longitudinal_normal.pdf(targets.theta[0][:, None], x[1], x[2])
-    along_phi = azimuth(targets.phi[0][:, None], x[3], x[4])
     return (along_theta * x[0]) @ along_phi.T
 
 
