@@ -91,7 +91,7 @@ CUTICLE_HD inline float round_power(const float &t, float &rounded) {
 }
 
 // exp(x) for x <= 0, the only exponents a density has. In single precision: 2^n times a minimax polynomial of degree 5 on
-// [-½ ln 2, ½ ln 2] (benchmarks/fit_polynomials.py), relative error below 2e-7. Below -60 it stays at 9e-27: the factors it
+// [-½ ln 2, ½ ln 2] (benchmarks/fit_polynomials.py), relative error below 3e-7. Below -60 it stays at 9e-27: the factors it
 // meets then never make it a denormal, which would cost more than everything else together.
 template <class T> CUTICLE_HD T decay_single(const T &x_) {
     const T x = max(x_, T(-60.f));

@@ -283,8 +283,8 @@ def _case(sampler: Sampler, model: Bcsdf, theta_r: float, strands: float, sample
     expected = float(luminance(np.array(quality.energy)))
     estimate, deviation = float(weight.mean()), float(weight.std())
     heavy = float((weight**2).max() / (weight**2).sum()) > _HEAVY
-    # Quadrature's own error, up to 3e-4 of the energy down to widths of 1°, must not be called a bias.
-    error = np.hypot(deviation / np.sqrt(count), 3e-4 * expected)
+    # Quadrature's own error, as far as two rules differ, must not be called a bias.
+    error = np.hypot(deviation / np.sqrt(count), quality.energy_error)
     again = sampler.pdf(theta[:count], np.float32(theta_r), phi[:count], strands)
     return Case(
         theta_r=theta_r,

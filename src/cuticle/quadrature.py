@@ -31,19 +31,19 @@ def grid(theta_edges: Array, phi_edges: Array, order: int = 1) -> Grid:
     return Grid(*gauss_legendre(theta_edges, order), *gauss_legendre(phi_edges, order))
 
 
-def adapted_grid(
-    density: Callable[[Grid], Array], *, even: bool, coarse: tuple[int, int], fine: tuple[int, int], order: int = 1
-) -> Grid:
-    """Return a grid with cells where `density` (per d theta d phi) has its mass.
+def adapted_edges(
+    density: Callable[[Grid], Array], *, even: bool, coarse: tuple[int, int], fine: tuple[int, int]
+) -> tuple[Array, Array]:
+    """Return edges along theta and phi of cells that lie where `density` (per d theta d phi) has its mass.
 
-    `coarse` and `fine` are numbers of cells over theta and over half the azimuth, `order` the points along a fine
-    cell; an even density is covered on phi in [0, pi] only, another on [-pi, pi].
+    `coarse` and `fine` are numbers of cells over theta and over half the azimuth; an even density is covered on
+    phi in [0, pi] only, another on [-pi, pi].
     """
     low, factor = (0.0, 1) if even else (-np.pi, 2)
     theta = np.linspace(-np.pi / 2, np.pi / 2, coarse[0] + 1)
     phi = np.linspace(low, np.pi, coarse[1] * factor + 1)
     mass = density(grid(theta, phi))
-    return grid(_share(theta, mass.sum(axis=1), fine[0]), _share(phi, mass.sum(axis=0), fine[1] * factor), order)
+    return _share(theta, mass.sum(axis=1), fine[0]), _share(phi, mass.sum(axis=0), fine[1] * factor)
 
 
 def gauss_legendre(edges: Array, order: int) -> tuple[Array, Array]:

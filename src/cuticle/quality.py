@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cuticle.distribution import evaluate, luminance
 from cuticle.models import Bcsdf, is_even
-from cuticle.quadrature import Grid, adapted_grid
+from cuticle.quadrature import Grid, adapted_edges, grid
 
 _COARSE = (360, 120)
 _FINE = (80, 48)
@@ -48,6 +48,8 @@ class Quality:
         Largest f cos/(p ∫ f cos) of the luminance: 1 for a perfect match.
     energy
         ∫ f cos, one value a channel.
+    energy_error
+        How far two quadrature rules differ in the luminance's energy.
     total_variation
         ½ ∫ |f cos/∫ f cos - p|, 0 to 1.
     """
@@ -56,6 +58,7 @@ class Quality:
     ess_channels: tuple[float, ...]
     largest_weight: float
     energy: tuple[float, ...]
+    energy_error: float
     total_variation: float
 
 
@@ -79,11 +82,13 @@ def measure(sampler: Density, model: Bcsdf, theta_r: float, strands: float | Non
         return evaluate(model, g.theta, theta_r, g.phi)
 
     # Cells follow f·cos; in this measure every integrand below is smooth.
-    g = adapted_grid(
-        lambda c: luminance(values(c)) * np.cos(c.theta)[:, None], even=even, coarse=_COARSE, fine=_FINE, order=_ORDER
-    )
+    edges = adapted_edges(lambda c: luminance(values(c)) * np.cos(c.theta)[:, None], even=even, coarse=_COARSE, fine=_FINE)
+    sides = 2 if even else 1
+    check_rule = grid(*edges, _ORDER - 1)
+    lower = float((check_rule.weights * np.cos(check_rule.theta)[:, None] * luminance(values(check_rule))).sum()) * sides
+    g = grid(*edges, _ORDER)
     f = values(g)  # f cos, per steradian
-    solid_angle = g.weights * np.cos(g.theta)[:, None] * (2 if even else 1)
+    solid_angle = g.weights * np.cos(g.theta)[:, None] * sides
     p = sampler.pdf(g.theta[:, None], theta_r, g.phi[None, :], strands)
     channels = np.concatenate([f, luminance(f)[..., None]], axis=-1)
     energy = np.tensordot(solid_angle, channels, axes=2)
@@ -93,4 +98,5 @@ def measure(sampler: Density, model: Bcsdf, theta_r: float, strands: float | Non
     ess = np.divide(energy**2, second, out=np.zeros_like(second), where=second > 0)
     weight = float(np.max(channels[..., -1] / floor) / energy[-1])
     variation = 0.5 * float((solid_angle * np.abs(channels[..., -1] / energy[-1] - p)).sum())
-    return Quality(float(ess[-1]), tuple(map(float, ess[:-1])), weight, tuple(map(float, energy[:-1])), variation)
+    error = abs(lower - float(energy[-1]))
+    return Quality(float(ess[-1]), tuple(map(float, ess[:-1])), weight, tuple(map(float, energy[:-1])), error, variation)

@@ -31,7 +31,7 @@ Progress = Callable[[str, float], None]
 def sampling_cost(lobes: int, *, path: float = 30.0) -> float:
     """Return the cost of one sample with its path, in calibration kernels (16 expf, about 50 ns).
 
-    `path` is what tracing and shading one ray costs beside the sampler: 25 to 45 kernels in hair on one core. The
+    `path` is what tracing and shading one ray costs beside the sampler: an assumption, of the order of 1.5 microseconds. The
     sampler's own cost is a line through `make bench`'s K = 4, 8, 16.
     """
     return path + 1.2 + 0.05 * lobes

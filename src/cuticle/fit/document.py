@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 THETA_NODES = 61  # every 3 degrees: the quartic sigma_V is then followed to 0.2 %
-_FLAT_PHI = 100.0  # radians: uniform around the fibre to 1e-4
+_FLAT_PHI = 100.0  # radians: uniform around the fibre to 5e-4
 _WIDE_THETA = 0.8  # radians: about the cosine of a uniform sphere
 
 

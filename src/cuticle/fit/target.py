@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cuticle.distribution import evaluate, luminance
 from cuticle.models import Bcsdf, is_even
-from cuticle.quadrature import Grid, adapted_grid
+from cuticle.quadrature import Grid, adapted_edges, grid
 
 OBJECTIVES = ("luminance", "rgb")
 _COARSE = (150, 36)
@@ -62,7 +62,10 @@ def _target(model: Bcsdf, theta_r: float, even: bool, objective: str) -> tuple:
     def values(g: Grid) -> NDArray[np.float64]:
         return evaluate(model, g.theta, theta_r, g.phi) * np.cos(g.theta)[:, None, None]  # per d theta d phi
 
-    g = adapted_grid(lambda c: objective_density(values(c), c.weights, objective), even=even, coarse=_COARSE, fine=_FINE)
+    edges = adapted_edges(
+        lambda c: objective_density(values(c), c.weights, objective), even=even, coarse=_COARSE, fine=_FINE
+    )
+    g = grid(*edges)
     f = values(g)
     q = objective_density(f, g.weights, objective)
     total = float((g.weights * q).sum())
