@@ -74,7 +74,7 @@ def test_a_sampler_for_another_fibre_is_unbiased_and_poor(document_fit: cuticle.
 
 
 def test_weights_without_bound_are_told(document_model: cuticle.DualScattering) -> None:
-    nodes = np.tile(np.array([1, 0, 0.02, 0.5, 0.02]).reshape(1, 1, 5, 1), (1, 2, 1, 1))
+    nodes = np.tile(np.array([1, 0, 0.5, 0.02, 0.02]).reshape(1, 1, 5, 1), (1, 2, 1, 1))
     report = check(Sampler(nodes, np.ones((1, 2))), document_model, theta_r=[0.0], samples=20_000)
     assert not report.ok
     assert report.cases[0].largest_weight > 1e6
@@ -93,7 +93,7 @@ def test_false_alarms_are_as_rare_as_stated(document_model: cuticle.DualScatteri
 
 def test_widened_scales_one_lobe(document_fit: cuticle.Fit) -> None:
     wide = widened(document_fit.sampler, 1, 1.05)
-    np.testing.assert_allclose(wide.nodes[:, :, 2, 1], 1.05 * document_fit.sampler.nodes[:, :, 2, 1])
+    np.testing.assert_allclose(wide.nodes[:, :, 3, 1], 1.05 * document_fit.sampler.nodes[:, :, 3, 1])
     np.testing.assert_array_equal(wide.nodes[:, :, :, 0], document_fit.sampler.nodes[:, :, :, 0])
     assert replace(wide, even=wide.even).lobes == 4
 

@@ -82,7 +82,7 @@ def test_document_form(document_model: DualScattering) -> None:
     result = fit(document_model, form="document", strands=counts)
     assert result.sampler.lobes == 2
     x = result.sampler.nodes[0, 30, :, 0]  # theta_r = 0: ¼ 0⁴ + .59, 3·0 - 2 degrees, .29
-    np.testing.assert_allclose(x, [0.9, np.radians(-2), 0.29, np.pi, 0.59], atol=1e-12)
+    np.testing.assert_allclose(x, [0.9, np.radians(-2), np.pi, 0.29, 0.59], atol=1e-12)
     bare = fit(document_model, form="document", strands=counts, defensive=0)
     assert bare.sampler.lobes == 1
     # Without the defensive share the wings of R and TRT lie outside: the largest weight has no bound.

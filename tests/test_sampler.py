@@ -21,12 +21,12 @@ def table(lobes: int = 3, even: bool = True, strands: tuple[float, ...] = (0.0, 
     rng = np.random.default_rng(seed)
     nodes = np.empty((len(strands), 13, 5, lobes))
     nodes[:, :, 0] = rng.dirichlet(np.ones(lobes), (len(strands), 13))
-    nodes[:, :, 2] = np.exp(rng.uniform(np.log(np.radians(0.2)), np.log(3), nodes[:, :, 2].shape))
+    nodes[:, :, 3] = np.exp(rng.uniform(np.log(np.radians(0.2)), np.log(3), nodes[:, :, 3].shape))
     nodes[:, :, 4] = np.exp(rng.uniform(np.log(np.radians(0.2)), np.log(50), nodes[:, :, 4].shape))
-    reach = math.pi / 2 + np.minimum(nodes[:, :, 2], 1) * 0.99
+    reach = math.pi / 2 + np.minimum(nodes[:, :, 3], 1) * 0.99
     nodes[:, :, 1] = rng.uniform(-1, 1, reach.shape) * reach
     past = np.minimum(nodes[:, :, 4], 1) * 0.99
-    nodes[:, :, 3] = rng.uniform(-past, math.pi + past) if even else rng.uniform(-6.28, 6.28, past.shape)
+    nodes[:, :, 2] = rng.uniform(-past, math.pi + past) if even else rng.uniform(-6.28, 6.28, past.shape)
     return Sampler(nodes, rng.uniform(0.2, 1, nodes.shape[:2]), strands, even)
 
 
@@ -186,7 +186,7 @@ def broken(text: str, change) -> str:
         (lambda t: broken(t, lambda d: d["energy"][0].__setitem__(0, float("nan"))), "it holds NaN"),
         (lambda t: broken(t, lambda d: d["energy"][0].__setitem__(0, 0)), "energy must be finite and above 0"),
         (lambda t: t.replace('"energy": [[', '"energy": [[1e999, '), "nodes or energy is ragged"),
-        (lambda t: broken(t, lambda d: d["nodes"][0][0][2].__setitem__(0, -0.1)), "sigma_theta must be in"),
+        (lambda t: broken(t, lambda d: d["nodes"][0][0][3].__setitem__(0, -0.1)), "sigma_theta must be in"),
         (lambda t: broken(t, lambda d: d["nodes"][0][0][0].__setitem__(0, 0.9)), "weights must be at least 0 and sum to 1"),
         (lambda t: broken(t, lambda d: d["nodes"][0][0][1].__setitem__(0, 50.0)), "at most one sigma outside"),
         (lambda t: broken(t, lambda d: d["nodes"][0].pop()), "ragged"),

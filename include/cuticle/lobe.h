@@ -13,17 +13,10 @@ template <class Float> struct CentralNormal {
     Float erf_lo, mass;  // erf at the lower end; erf(upper) - erf(lower)
 };
 
-// Two erf at once: an array type may have a faster way (pack.h).
-template <class Float> CUTICLE_HD void erf_pair(const Float &a, const Float &b, Float &erf_a, Float &erf_b) {
-    erf_a = math::erf(a);
-    erf_b = math::erf(b);
-}
-
 template <class Float>
-CUTICLE_HD CentralNormal<Float> central_normal(const Float &mean, const Float &rate, const Float &lo, const Float &hi) {
-    Float erf_lo, erf_hi;
-    erf_pair(Float((lo - mean) * rate), Float((hi - mean) * rate), erf_lo, erf_hi);
-    return {mean, rate, erf_lo, erf_hi - erf_lo};
+CUTICLE_INLINE CentralNormal<Float> central_normal(const Float &mean, const Float &rate, const Float &lo, const Float &hi) {
+    const Float erf_lo = math::erf(Float((lo - mean) * rate));
+    return {mean, rate, erf_lo, math::erf(Float((hi - mean) * rate)) - erf_lo};
 }
 
 template <class Float> CUTICLE_HD Float central_norm(const CentralNormal<Float> &d) {

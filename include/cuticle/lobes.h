@@ -6,7 +6,8 @@
 
 namespace cuticle {
 
-enum LobeParameter { lobe_weight, lobe_mean_theta, lobe_sigma_theta, lobe_mean_phi, lobe_sigma_phi, lobe_parameters };
+// Means side by side and sigmas side by side: both coordinates are worked on as one pack.
+enum LobeParameter { lobe_weight, lobe_mean_theta, lobe_mean_phi, lobe_sigma_theta, lobe_sigma_phi, lobe_parameters };
 
 template <class Float> struct Sample {
     Float theta_i, phi, pdf;  // radians, radians, 1/sr
@@ -18,51 +19,49 @@ template <class Float> struct Sample {
 // ±2 pi.
 template <class Float, int K> struct Lobes {
     using Set = Pack<Float, K>;
+    using Both = Pack<Float, 2 * K>;  // theta's, then phi's
     Set weight, scale;
-    CentralNormal<Set> theta, phi;
+    CentralNormal<Both> normal;
     bool even;
 
-    // From the lobe_parameters values of each lobe.
-    CUTICLE_HD void set(const Set *parameter, bool even_) {
-        weight = parameter[lobe_weight];
+    CUTICLE_HD void set(const Set &weight_, const Both &mean, const Both &sigma, bool even_) {
+        weight = weight_;
         even = even_;
-        const Set pole(half_pi<double>), turn(pi<double>), mean = parameter[lobe_mean_phi];
-        const Set lo = even ? Set(0) : Set(mean - turn), hi = even ? turn : Set(mean + turn);
-        theta = central_normal(parameter[lobe_mean_theta], Set(Set(sqrt_half<double>) / parameter[lobe_sigma_theta]), -pole,
-                               pole);
-        phi = central_normal(mean, Set(Set(sqrt_half<double>) / parameter[lobe_sigma_phi]), lo, hi);
+        const Set pole(half_pi<double>), turn(pi<double>), mean_phi = half<1>(mean);
+        const Set lo = even ? Set(0) : Set(mean_phi - turn), hi = even ? turn : Set(mean_phi + turn);
+        normal = central_normal(mean, Both(Both(sqrt_half<double>) / sigma), join(Set(-pole), lo), join(pole, hi));
         // Both norms by one division.
         const double norm = two_over_sqrt_pi<double> * two_over_sqrt_pi<double> * (even ? .5 : 1.);
-        scale = (weight * theta.rate) * (phi.rate * Set(norm)) / (theta.mass * phi.mass);
+        const Set rates = half<0>(normal.rate) * half<1>(normal.rate), masses = half<0>(normal.mass) * half<1>(normal.mass);
+        scale = weight * rates * Set(norm) / masses;
     }
 
     // 1/sr: per steradian, d omega = cos(theta_i) d theta_i d phi.
     CUTICLE_HD Float pdf(const Float &theta_i, const Float &phi_i) const {
         const Float per_steradian = Float(1) / math::cos_theta(theta_i);
         const Float wrapped = math::nearest_turn(phi_i);
-        const Set zt = (Set(theta_i) - theta.mean) * theta.rate;
-        Set d = Set(even ? math::abs(wrapped) : wrapped) - phi.mean;
+        Both d = join(Set(theta_i), Set(even ? math::abs(wrapped) : wrapped)) - normal.mean;
         if (!even) {
-            const Set half(pi<double>), turn(2 * pi<double>);
-            d = select(d > half, Set(d - turn), select(d < -half, Set(d + turn), d));
+            const Set limit(pi<double>), turn(2 * pi<double>), d_phi = half<1>(d);
+            d = join(half<0>(d), select(d_phi > limit, Set(d_phi - turn), select(d_phi < -limit, Set(d_phi + turn), d_phi)));
         }
-        const Set zp = d * phi.rate;
-        const Float density = sum(Set(scale * decay(Set(-(zt * zt + zp * zp))))) * per_steradian;
+        const Both z = d * normal.rate, squared = z * z;
+        const Float density = sum(Set(scale * decay(Set(-(half<0>(squared) + half<1>(squared)))))) * per_steradian;
         return select(math::abs(theta_i) > half_pi<Float>, Float(0), density);
     }
 
     // One lobe's cdf in theta_i (from -pi/2) and in phi (from -pi), and their inverses.
     CUTICLE_HD Float cdf_theta(int k, const Float &x) const {
-        return central_cdf(lobe(theta, k), math::clamp(x, Float(-half_pi<Float>), half_pi<Float>));
+        return central_cdf(theta(k), math::clamp(x, Float(-half_pi<Float>), half_pi<Float>));
     }
-    CUTICLE_HD Float icdf_theta(int k, const Float &u) const { return invert_theta(lobe(theta, k), u); }
+    CUTICLE_HD Float icdf_theta(int k, const Float &u) const { return invert_theta(theta(k), u); }
     CUTICLE_HD Float cdf_phi(int k, const Float &x) const {
-        const CentralNormal<Float> d = lobe(phi, k);
+        const CentralNormal<Float> d = phi(k);
         if (even) return even_cdf([&](const Float &y) { return central_cdf(d, y); }, x);
         return periodic_cdf([&](const Float &y) { return central_cdf(d, Float(d.mean + y)); }, d.mean, x);
     }
     CUTICLE_HD Float icdf_phi(int k, const Float &u) const {
-        const CentralNormal<Float> d = lobe(phi, k);
+        const CentralNormal<Float> d = phi(k);
         if (even) return invert_phi(d, u);
         return periodic_icdf([&](const Float &y) { return central_cdf(d, Float(d.mean + y)); },
                              [&](const Float &v) { return Float(central_icdf(d, v) - d.mean); }, d.mean, u);
@@ -77,14 +76,18 @@ template <class Float, int K> struct Lobes {
         const Float u = u_lobe * below[K - 1];
         int chosen = 0;
         for (int k = 0; k + 1 < K; ++k) chosen += static_cast<int>(u >= below[k]);
-        const Float theta_i = invert_theta(lobe(theta, chosen), u_theta);
-        const Float phi_i = invert_phi(lobe(phi, chosen), u_phi);
+        const Float theta_i = invert_theta(theta(chosen), u_theta);
+        const Float phi_i = invert_phi(phi(chosen), u_phi);
         return {theta_i, phi_i, pdf(theta_i, phi_i)};
     }
 
+    // One lobe along one coordinate.
+    CUTICLE_HD CentralNormal<Float> theta(int k) const { return one(k); }
+    CUTICLE_HD CentralNormal<Float> phi(int k) const { return one(K + k); }
+
   private:
-    CUTICLE_HD static CentralNormal<Float> lobe(const CentralNormal<Set> &d, int k) {
-        return {d.mean[k], d.rate[k], d.erf_lo[k], d.mass[k]};
+    CUTICLE_HD CentralNormal<Float> one(int i) const {
+        return {normal.mean[i], normal.rate[i], normal.erf_lo[i], normal.mass[i]};
     }
     CUTICLE_HD static Float invert_theta(const CentralNormal<Float> &d, const Float &u) {
         // The float nearest to pi/2 lies past the pole: stay one ulp inside.

@@ -63,9 +63,9 @@ template <class T> CUTICLE_HD T copysign(const T &x, const T &sign) {
     using std::copysign;
     return copysign(x, sign);
 }
-template <class T> CUTICLE_HD T max(const T &a, const T &b) { return select(a < b, b, a); }
-template <class T> CUTICLE_HD T min(const T &a, const T &b) { return select(b < a, b, a); }
-template <class T> CUTICLE_HD T clamp(const T &x, const T &lo, const T &hi) { return min(max(x, lo), hi); }
+template <class T> CUTICLE_INLINE T max(const T &a, const T &b) { return select(a < b, b, a); }
+template <class T> CUTICLE_INLINE T min(const T &a, const T &b) { return select(b < a, b, a); }
+template <class T> CUTICLE_INLINE T clamp(const T &x, const T &lo, const T &hi) { return min(max(x, lo), hi); }
 template <class T> CUTICLE_HD T sqr(const T &x) { return x * x; }
 
 // Σ c[i] x^i, highest degree first.
@@ -93,7 +93,7 @@ CUTICLE_HD inline float round_power(const float &t, float &rounded) {
 // exp(x) for x <= 0, the only exponents a density has. In single precision: 2^n times a minimax polynomial of degree 5 on
 // [-½ ln 2, ½ ln 2] (benchmarks/fit_polynomials.py), relative error below 3e-7. Below -60 it stays at 9e-27: the factors it
 // meets then never make it a denormal, which would cost more than everything else together.
-template <class T> CUTICLE_HD T decay_single(const T &x_) {
+template <class T> CUTICLE_INLINE T decay_single(const T &x_) {
     const T x = max(x_, T(-60.f));
     T n;
     const T power = round_power(T(x * T(1.44269504f)), n);
@@ -102,7 +102,7 @@ template <class T> CUTICLE_HD T decay_single(const T &x_) {
                               T(1.00000007f));
 }
 
-template <class T> CUTICLE_HD T decay(const T &x) { return exp(x); }
+template <class T> CUTICLE_INLINE T decay(const T &x) { return exp(x); }
 
 CUTICLE_HD inline float decay(float x) {
 #if defined(__CUDA_ARCH__) || defined(__HIP_DEVICE_COMPILE__)
@@ -125,14 +125,14 @@ CUTICLE_HD inline float log(float x) {
     return static_cast<float>(n) * .693147181f + s * polynomial(t, 2.f / 9, 2.f / 7, .4f, 2.f / 3, 2.f);
 }
 
-template <class T> CUTICLE_HD T erf(const T &x) {
+template <class T> CUTICLE_INLINE T erf(const T &x) {
     using std::erf;
     return erf(x);
 }
 
 // erf in single precision: x P(x²)/Q(x²) on |x| <= 4, our own minimax fit (benchmarks/fit_polynomials.py);
 // relative error below 4e-7.
-template <class T> CUTICLE_HD T erf_single(const T &x_) {
+template <class T> CUTICLE_INLINE T erf_single(const T &x_) {
     const T x = clamp(x_, T(-4.f), T(4.f));
     const T t = x * x;
     const T p = polynomial(t, T(1.98677e-6f), T(2.84569745e-4f), T(3.88347404e-3f), T(5.31021431e-2f), T(.193547979f),

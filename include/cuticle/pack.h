@@ -23,35 +23,53 @@
 namespace cuticle {
 namespace detail {
 
-template <class T, int N> struct PackStorage {
-    struct type {
-        T v[N];
-        CUTICLE_HD T &operator[](int i) { return v[i]; }
-        CUTICLE_HD const T &operator[](int i) const { return v[i]; }
-    };
-    static constexpr bool native = false;
+// Lanes of a chunk: the largest power of two that divides N and fits 32 bytes. Wider vectors are slow where they exist
+// at all; 1 is the scalar itself.
+template <class T, int N> constexpr int chunk_width() {
+    int width = 1;
+    if (CUTICLE_NATIVE_PACK && std::is_arithmetic_v<T>)
+        while (N % (2 * width) == 0 && 2 * width * int(sizeof(T)) <= 32) width *= 2;
+    return width;
+}
+
+template <class T, int Width> struct Chunk {
+    using type = T;
+    using Mask = decltype(T(0) < T(0));
 };
 #if CUTICLE_NATIVE_PACK
-template <int N> struct PackStorage<float, N> {
-    typedef float type __attribute__((vector_size(4 * N)));
-    static constexpr bool native = true;
+template <int Width> struct NativeChunk {
+    typedef float Single __attribute__((vector_size(4 * Width)));
+    typedef double Double __attribute__((vector_size(8 * Width)));
+    typedef std::int32_t Integer __attribute__((vector_size(4 * Width)));
 };
-template <int N> struct PackStorage<double, N> {
-    typedef double type __attribute__((vector_size(8 * N)));
-    static constexpr bool native = true;
-};
-template <int N> struct PackStorage<std::int32_t, N> {
-    typedef std::int32_t type __attribute__((vector_size(4 * N)));
-    static constexpr bool native = true;
-};
+#define CUTICLE_CHUNK(T, Member, Width)                   \
+    template <> struct Chunk<T, Width> {                  \
+        using type = typename NativeChunk<Width>::Member; \
+        using Mask = decltype(type{} < type{});           \
+    };
+CUTICLE_CHUNK(float, Single, 2)
+CUTICLE_CHUNK(float, Single, 4)
+CUTICLE_CHUNK(float, Single, 8)
+CUTICLE_CHUNK(double, Double, 2)
+CUTICLE_CHUNK(double, Double, 4)
+#undef CUTICLE_CHUNK
+#endif
+
+#if CUTICLE_NATIVE_SHUFFLE
+template <class V, int... I> CUTICLE_INLINE auto join_chunks(const V &a, const V &b, std::integer_sequence<int, I...>) {
+    return __builtin_shufflevector(a, b, I...);
+}
+template <int First, class V, int... I> CUTICLE_INLINE auto half_chunk(const V &a, std::integer_sequence<int, I...>) {
+    return __builtin_shufflevector(a, a, (First + I)...);
+}
 #endif
 
 }  // namespace detail
 
 template <class T, int N> struct Pack {
-    using Storage = typename detail::PackStorage<T, N>::type;
-    static constexpr bool native = detail::PackStorage<T, N>::native;
-    Storage v;
+    static constexpr int width = detail::chunk_width<T, N>(), chunks = N / width;
+    using Chunk = typename detail::Chunk<T, width>::type;
+    Chunk v[chunks];
 
     Pack() = default;
     CUTICLE_INLINE explicit Pack(const T &x) { fill(x); }
@@ -60,33 +78,28 @@ template <class T, int N> struct Pack {
         fill(T(x));
     }
     CUTICLE_INLINE void fill(const T &x) {
-        if constexpr (native) v = x - Storage{};
-        else
-            for (int i = 0; i < N; ++i) v[i] = x;
+        for (Chunk &c : v)
+            if constexpr (width > 1) c = x - Chunk{};
+            else c = x;
     }
-    CUTICLE_INLINE T operator[](int i) const { return v[i]; }
+    CUTICLE_INLINE T operator[](int i) const {
+        if constexpr (width > 1) return v[i / width][i % width];
+        else return v[i];
+    }
+    CUTICLE_INLINE void set(int i, const T &x) {
+        if constexpr (width > 1) v[i / width][i % width] = x;
+        else v[i] = x;
+    }
 };
 
 template <class T, int N> struct PackMask {
-#if CUTICLE_NATIVE_PACK
-    using Native = decltype(typename detail::PackStorage<float, N>::type{} < typename detail::PackStorage<float, N>::type{});
-    using NativeWide =
-        decltype(typename detail::PackStorage<double, N>::type{} < typename detail::PackStorage<double, N>::type{});
-    using Storage = std::conditional_t<std::is_same_v<T, float>, Native,
-                                       std::conditional_t<std::is_same_v<T, double>, NativeWide,
-                                                          typename detail::PackStorage<decltype(T(0) < T(0)), N>::type>>;
-#else
-    using Storage = typename detail::PackStorage<decltype(T(0) < T(0)), N>::type;
-#endif
-    Storage m;
+    typename detail::Chunk<T, Pack<T, N>::width>::Mask m[Pack<T, N>::chunks];
 };
 
 #define CUTICLE_PACK_BINARY(op)                                                                                 \
     template <class T, int N> CUTICLE_INLINE Pack<T, N> operator op(const Pack<T, N> &a, const Pack<T, N> &b) { \
         Pack<T, N> r;                                                                                           \
-        if constexpr (Pack<T, N>::native) r.v = a.v op b.v;                                                     \
-        else                                                                                                    \
-            for (int i = 0; i < N; ++i) r.v[i] = a.v[i] op b.v[i];                                              \
+        for (int i = 0; i < Pack<T, N>::chunks; ++i) r.v[i] = a.v[i] op b.v[i];                                 \
         return r;                                                                                               \
     }
 CUTICLE_PACK_BINARY(+)
@@ -98,9 +111,7 @@ CUTICLE_PACK_BINARY(/)
 #define CUTICLE_PACK_COMPARE(op)                                                                                    \
     template <class T, int N> CUTICLE_INLINE PackMask<T, N> operator op(const Pack<T, N> &a, const Pack<T, N> &b) { \
         PackMask<T, N> r;                                                                                           \
-        if constexpr (Pack<T, N>::native) r.m = a.v op b.v;                                                         \
-        else                                                                                                        \
-            for (int i = 0; i < N; ++i) r.m[i] = a.v[i] op b.v[i];                                                  \
+        for (int i = 0; i < Pack<T, N>::chunks; ++i) r.m[i] = a.v[i] op b.v[i];                                     \
         return r;                                                                                                   \
     }
 CUTICLE_PACK_COMPARE(<)
@@ -112,69 +123,98 @@ template <class T, int N> CUTICLE_INLINE Pack<T, N> operator-(const Pack<T, N> &
 template <class T, int N>
 CUTICLE_INLINE Pack<T, N> select(const PackMask<T, N> &mask, const Pack<T, N> &a, const Pack<T, N> &b) {
     Pack<T, N> r;
-    if constexpr (Pack<T, N>::native) r.v = mask.m ? a.v : b.v;
-    else
-        for (int i = 0; i < N; ++i) r.v[i] = select(mask.m[i], a.v[i], b.v[i]);
+    for (int i = 0; i < Pack<T, N>::chunks; ++i)
+        if constexpr (Pack<T, N>::width > 1) r.v[i] = mask.m[i] ? a.v[i] : b.v[i];
+        else r.v[i] = select(mask.m[i], a.v[i], b.v[i]);
     return r;
 }
 
 template <class T, int N> CUTICLE_INLINE Pack<T, N> load_pack(const T *data) {
     Pack<T, N> r;
-    if constexpr (Pack<T, N>::native) std::memcpy(&r.v, data, sizeof r.v);
+    if constexpr (std::is_arithmetic_v<T>) std::memcpy(&r.v, data, sizeof r.v);
     else
         for (int i = 0; i < N; ++i) r.v[i] = data[i];
     return r;
 }
 
-// Pairwise, which halves the wait for the last addition.
+// Two packs as one of twice the length, and its first (Part 0) or second half again.
+template <class T, int N> CUTICLE_INLINE Pack<T, 2 * N> join(const Pack<T, N> &a, const Pack<T, N> &b) {
+    using From = Pack<T, N>;
+    Pack<T, 2 * N> r;
+    if constexpr (Pack<T, 2 * N>::width == From::width) {
+        for (int i = 0; i < From::chunks; ++i) {
+            r.v[i] = a.v[i];
+            r.v[From::chunks + i] = b.v[i];
+        }
+#if CUTICLE_NATIVE_SHUFFLE
+    } else if constexpr (From::width > 1 && From::chunks == 1) {
+        r.v[0] = detail::join_chunks(a.v[0], b.v[0], std::make_integer_sequence<int, 2 * N>());
+#endif
+    } else {
+        for (int i = 0; i < N; ++i) {
+            r.set(i, a[i]);
+            r.set(N + i, b[i]);
+        }
+    }
+    return r;
+}
+template <int Part, class T, int N> CUTICLE_INLINE Pack<T, N / 2> half(const Pack<T, N> &a) {
+    using To = Pack<T, N / 2>;
+    To r;
+    if constexpr (To::width == Pack<T, N>::width) {
+        for (int i = 0; i < To::chunks; ++i) r.v[i] = a.v[Part * To::chunks + i];
+#if CUTICLE_NATIVE_SHUFFLE
+    } else if constexpr (To::width > 1 && To::chunks == 1) {
+        r.v[0] = detail::half_chunk<Part *(N / 2)>(a.v[0], std::make_integer_sequence<int, N / 2>());
+#endif
+    } else {
+        for (int i = 0; i < N / 2; ++i) r.set(i, a[Part * (N / 2) + i]);
+    }
+    return r;
+}
+
+// By halves, which shortens the wait for the last addition.
 template <class T, int N> CUTICLE_INLINE T sum(const Pack<T, N> &a) {
-    T part[N];
-    for (int i = 0; i < N; ++i) part[i] = a[i];
-    for (int step = 1; step < N; step *= 2)
-        for (int i = 0; i + step < N; i += 2 * step) part[i] = part[i] + part[i + step];
-    return part[0];
+    if constexpr (N == 1) {
+        return a[0];
+    } else if constexpr (N % 2 == 0) {
+        return sum(half<0>(a) + half<1>(a));
+    } else {
+        T total = a[0];
+        for (int i = 1; i < N; ++i) total = total + a[i];
+        return total;
+    }
 }
 
 // Found from cuticle::math by argument-dependent lookup, as an array type's own functions are.
-#if CUTICLE_NATIVE_PACK
 template <int N> CUTICLE_INLINE Pack<float, N> round_power(const Pack<float, N> &t, Pack<float, N> &rounded) {
-    using Int = typename detail::PackStorage<std::int32_t, N>::type;
-    const Int n = __builtin_convertvector((t - Pack<float, N>(.5f)).v, Int);
-    rounded.v = __builtin_convertvector(n, typename Pack<float, N>::Storage);
-    const Int bits = (n + 127) << 23;
     Pack<float, N> power;
-    std::memcpy(&power.v, &bits, sizeof bits);
+    for (int i = 0; i < Pack<float, N>::chunks; ++i) {
+#if CUTICLE_NATIVE_PACK
+        if constexpr (Pack<float, N>::width > 1) {
+            using Float = typename Pack<float, N>::Chunk;
+            using Integer = typename detail::NativeChunk<Pack<float, N>::width>::Integer;
+            const Integer n = __builtin_convertvector(t.v[i] - .5f, Integer);
+            rounded.v[i] = __builtin_convertvector(n, Float);
+            const Integer bits = (n + 127) << 23;
+            std::memcpy(&power.v[i], &bits, sizeof bits);
+        } else
+#endif
+            power.v[i] = math::round_power(t.v[i], rounded.v[i]);
+    }
     return power;
 }
-template <int N> CUTICLE_INLINE Pack<float, N> decay(const Pack<float, N> &x) { return math::decay_single(x); }
-template <int N> CUTICLE_INLINE Pack<float, N> erf(const Pack<float, N> &x) { return math::erf_single(x); }
 
-#if CUTICLE_NATIVE_SHUFFLE
-// Two small packs are evaluated as one of up to 32 bytes; wider ones cost more to split again than they save.
-template <int N, int... I>
-CUTICLE_INLINE void erf_pair(const Pack<float, N> &a, const Pack<float, N> &b, Pack<float, N> &erf_a, Pack<float, N> &erf_b,
-                             std::integer_sequence<int, I...>) {
-    Pack<float, 2 * N> both;
-    both.v = __builtin_shufflevector(a.v, b.v, I..., (N + I)...);
-    both = erf(both);
-    erf_a.v = __builtin_shufflevector(both.v, both.v, I...);
-    erf_b.v = __builtin_shufflevector(both.v, both.v, (N + I)...);
-}
-template <int N, class = std::enable_if_t<(N > 1 && N <= 4)>>
-CUTICLE_INLINE void erf_pair(const Pack<float, N> &a, const Pack<float, N> &b, Pack<float, N> &erf_a,
-                             Pack<float, N> &erf_b) {
-    erf_pair(a, b, erf_a, erf_b, std::make_integer_sequence<int, N>());
-}
-#endif
-#endif
 template <class T, int N> CUTICLE_INLINE Pack<T, N> decay(const Pack<T, N> &x) {
+    if constexpr (std::is_same_v<T, float> && CUTICLE_NATIVE_PACK) return math::decay_single(x);
     Pack<T, N> r;
-    for (int i = 0; i < N; ++i) r.v[i] = math::decay(x[i]);
+    for (int i = 0; i < N; ++i) r.set(i, math::decay(x[i]));
     return r;
 }
 template <class T, int N> CUTICLE_INLINE Pack<T, N> erf(const Pack<T, N> &x) {
+    if constexpr (std::is_same_v<T, float> && CUTICLE_NATIVE_PACK) return math::erf_single(x);
     Pack<T, N> r;
-    for (int i = 0; i < N; ++i) r.v[i] = math::erf(x[i]);
+    for (int i = 0; i < N; ++i) r.set(i, math::erf(x[i]));
     return r;
 }
 

@@ -7,13 +7,13 @@
 namespace cuticle {
 
 // Hooks that an array type overloads: a gather, a conversion to an index, "does any lane need this?".
-template <class Float, int K, class Scalar> CUTICLE_HD Pack<Float, K> load(const Scalar *data) {
+template <class Float, int N, class Scalar> CUTICLE_HD Pack<Float, N> load(const Scalar *data) {
     if constexpr (std::is_same_v<Float, Scalar>) {
-        return load_pack<Float, K>(data);
+        return load_pack<Float, N>(data);
     } else {
-        Float values[K];
-        for (int k = 0; k < K; ++k) values[k] = Float(data[k]);
-        return load_pack<Float, K>(values);
+        Float values[N];
+        for (int k = 0; k < N; ++k) values[k] = Float(data[k]);
+        return load_pack<Float, N>(values);
     }
 }
 template <class Float> CUTICLE_HD int to_index(const Float &x) { return static_cast<int>(x); }
@@ -76,15 +76,29 @@ template <class Float, int K> struct PreparedSampler {
     }
 };
 
-template <class Float, class Scalar, int K>
-CUTICLE_HD void interpolate_theta(const LobeTable<Scalar, K> &table, int row, const TablePosition<Float> &at,
-                                  Pack<Float, K> *out) {
-    constexpr int size = lobe_parameters * K;
-    const Scalar *a = table.nodes + (row * table.theta_nodes + at.node) * size;
-    for (int i = 0; i < lobe_parameters; ++i) {
-        const Pack<Float, K> x = load<Float, K>(a + i * K), y = load<Float, K>(a + i * K + size);
-        out[i] = x + Pack<Float, K>(at.t) * (y - x);
+// The parameters of K lobes, as they lie in the table.
+template <class Float, int K> struct LobeValues {
+    Pack<Float, K> weight;
+    Pack<Float, 2 * K> mean, sigma;
+
+    CUTICLE_INLINE LobeValues mix(const Float &t, const LobeValues &to) const {
+        const Pack<Float, 2 * K> t2(t);
+        return {weight + Pack<Float, K>(t) * (to.weight - weight), mean + t2 * (to.mean - mean),
+                sigma + t2 * (to.sigma - sigma)};
     }
+};
+
+template <class Float, class Scalar, int K>
+CUTICLE_INLINE LobeValues<Float, K> interpolate_theta(const LobeTable<Scalar, K> &table, int row,
+                                                      const TablePosition<Float> &at) {
+    static_assert(lobe_weight == 0 && lobe_mean_theta == 1 && lobe_mean_phi == 2 && lobe_sigma_theta == 3);
+    const auto node = [](const Scalar *p) {
+        return LobeValues<Float, K>{load<Float, K>(p), load<Float, 2 * K>(p + lobe_mean_theta * K),
+                                    load<Float, 2 * K>(p + lobe_sigma_theta * K)};
+    };
+    constexpr int size = lobe_parameters * K;
+    const Scalar *p = table.nodes + (row * table.theta_nodes + at.node) * size;
+    return node(p).mix(at.t, node(p + size));
 }
 
 template <class Float, class Scalar, int K>
@@ -92,29 +106,28 @@ CUTICLE_HD PreparedSampler<Float, K> prepare(const LobeTable<Scalar, K> &table, 
     const TablePosition<Float> at = locate<Float>(table, theta_r, strands);
     PreparedSampler<Float, K> out;
     out.share = Float(1);
-    Pack<Float, K> lower[lobe_parameters];
+    const auto set = [&](Lobes<Float, K> &to, const LobeValues<Float, K> &from) {
+        to.set(from.weight, from.mean, from.sigma, table.even);
+    };
     // On a row, the usual case, nothing else is touched: the parameters never leave the registers.
     const bool on_lower = !any_of(at.s > Float(0)), on_upper = !any_of(at.s < Float(1));
     if (on_lower || on_upper) {
-        if (on_lower) interpolate_theta(table, at.row, at, lower);
-        else interpolate_theta(table, at.row + 1, at, lower);
-        out.first.set(lower, table.even);
+        set(out.first, interpolate_theta(table, on_lower ? at.row : at.row + 1, at));
         return out;
     }
-    interpolate_theta(table, at.row, at, lower);
-    Pack<Float, K> upper[lobe_parameters];
-    interpolate_theta(table, at.row + 1, at, upper);
+    const LobeValues<Float, K> lower = interpolate_theta(table, at.row, at);
+    const LobeValues<Float, K> upper = interpolate_theta(table, at.row + 1, at);
     if (at.blend) {
         const Scalar *e = table.energy + at.node;
         const Scalar *g = e + table.theta_nodes;
         const Float e0 = (Float(1) - at.s) * (Float(e[0]) + at.t * Float(e[1] - e[0]));
         const Float e1 = at.s * (Float(g[0]) + at.t * Float(g[1] - g[0]));
         out.share = e0 / (e0 + e1);
-        out.second.set(upper, table.even);
+        set(out.first, lower);
+        set(out.second, upper);
     } else {
-        for (int i = 0; i < lobe_parameters; ++i) lower[i] = lower[i] + Pack<Float, K>(at.s) * (upper[i] - lower[i]);
+        set(out.first, lower.mix(at.s, upper));
     }
-    out.first.set(lower, table.even);
     return out;
 }
 

@@ -15,7 +15,7 @@ from cuticle.distribution import luminance
 from cuticle.models import Bcsdf
 from cuticle.quadrature import gauss_legendre
 from cuticle.quality import Density, measure
-from cuticle.sampler import Sampler
+from cuticle.sampler import SIGMA_PHI, SIGMA_THETA, Sampler
 
 DEFAULT_ANGLES = np.radians([-85, -75, -60, -30, 0, 30, 60, 75, 85.0])
 CELLS = 40  # along each axis, of like probability
@@ -318,7 +318,7 @@ class _Scaled:
 def widened(sampler: Sampler, lobe: int, factor: float) -> Sampler:
     """Return a sampler with one lobe's widths scaled: a negative control."""
     nodes = sampler.nodes.copy()
-    nodes[:, :, [2, 4], lobe] *= factor
+    nodes[:, :, [SIGMA_THETA, SIGMA_PHI], lobe] *= factor
     return replace(sampler, nodes=nodes)
 
 

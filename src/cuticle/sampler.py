@@ -19,7 +19,9 @@ from cuticle import _core, validate
 from cuticle.fibre import Fibre
 from cuticle.files import read_text, write_text
 
-PARAMETERS = ("weight", "mean_theta", "sigma_theta", "mean_phi", "sigma_phi")
+# The order of include/cuticle/lobes.h: both coordinates of a kind side by side.
+PARAMETERS = ("weight", "mean_theta", "mean_phi", "sigma_theta", "sigma_phi")
+WEIGHT, MEAN_THETA, MEAN_PHI, SIGMA_THETA, SIGMA_PHI = range(5)
 MAX_LOBES = 32
 FORMAT = "cuticle-sampler"
 FORMAT_VERSION = 1
@@ -42,8 +44,8 @@ class LobeSet(NamedTuple):
 
     weight: NDArray[np.float64]
     mean_theta: NDArray[np.float64]
-    sigma_theta: NDArray[np.float64]
     mean_phi: NDArray[np.float64]
+    sigma_theta: NDArray[np.float64]
     sigma_phi: NDArray[np.float64]
 
 
@@ -75,7 +77,7 @@ class Sampler:
     Parameters
     ----------
     nodes
-        Shape (strand counts, theta nodes, 5, K): weight, mean_theta, sigma_theta, mean_phi, sigma_phi, in radians,
+        Shape (strand counts, theta nodes, 5, K): weight, mean_theta, mean_phi, sigma_theta, sigma_phi, in radians,
         at theta_r evenly spaced from -pi/2 to pi/2. Weights sum to 1; a mean lies at most one sigma outside its
         domain.
     energy
@@ -308,7 +310,7 @@ class Sampler:
     def _make(self, suffix: str) -> Any:
         rows, theta_nodes, parameters, lobes = self.nodes.shape
         padded = np.ones((rows, theta_nodes, parameters, self._padded))
-        padded[:, :, PARAMETERS.index("weight")] = 0
+        padded[:, :, WEIGHT] = 0
         padded[..., :lobes] = self.nodes
         table = getattr(_core, f"Table{self._padded}{suffix}")
         return table(padded, self.energy, np.array(self.strands), self.even)
@@ -364,7 +366,7 @@ def _check_table(nodes: NDArray, energy: NDArray, strands: Sequence[float], even
     counts = np.array(strands)
     if not np.isfinite(counts).all() or (counts < 0).any() or (np.diff(counts) <= 0).any():
         raise ValueError(f"strands must be increasing counts from 0 on, got {list(strands)}")
-    weight, mean_t, sigma_t, mean_p, sigma_p = np.moveaxis(nodes, 2, 0)
+    weight, mean_t, mean_p, sigma_t, sigma_p = np.moveaxis(nodes, 2, 0)
     if (weight < 0).any() or not np.allclose(weight.sum(axis=-1), 1, rtol=0, atol=1e-6):
         raise ValueError(
             f"weights must be at least 0 and sum to 1 at every node, got {weight.min():g} to {weight.sum(-1).max():g}"

@@ -80,10 +80,10 @@ template <class Float, int K> struct Table {
         const auto write = [&](const cuticle::Lobes<Float, K> &l, Float share, Float *to) {
             for (int k = 0; k < K; ++k) {
                 to[cuticle::lobe_weight * K + k] = share * l.weight[k];
-                to[cuticle::lobe_mean_theta * K + k] = l.theta.mean[k];
-                to[cuticle::lobe_sigma_theta * K + k] = cuticle::sqrt_half<Float> / l.theta.rate[k];
-                to[cuticle::lobe_mean_phi * K + k] = l.phi.mean[k];
-                to[cuticle::lobe_sigma_phi * K + k] = cuticle::sqrt_half<Float> / l.phi.rate[k];
+                to[cuticle::lobe_mean_theta * K + k] = l.theta(k).mean;
+                to[cuticle::lobe_sigma_theta * K + k] = cuticle::sqrt_half<Float> / l.theta(k).rate;
+                to[cuticle::lobe_mean_phi * K + k] = l.phi(k).mean;
+                to[cuticle::lobe_sigma_phi * K + k] = cuticle::sqrt_half<Float> / l.phi(k).rate;
             }
         };
         std::fill(out.data(), out.data() + out.size(), Float(0));

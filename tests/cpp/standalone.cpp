@@ -8,9 +8,9 @@ namespace {
 
 template <class Float> int run() {
     constexpr int k = 2;
-    const Float nodes[] = {Float(.6), Float(.4), Float(1.4), Float(1.2), Float(.3), Float(.2),   Float(3.1),
-                           Float(1),  Float(.6), Float(.4),  Float(.5),  Float(.5), Float(-1.4), Float(-1.2),
-                           Float(.3), Float(.2), Float(3.1), Float(2),   Float(.6), Float(.4)};
+    const Float nodes[] = {Float(.6),  Float(.4), Float(1.4), Float(1.2), Float(3.1), Float(1),    Float(.3),
+                           Float(.2),  Float(.6), Float(.4),  Float(.5),  Float(.5),  Float(-1.4), Float(-1.2),
+                           Float(3.1), Float(2),  Float(.3),  Float(.2),  Float(.6),  Float(.4)};
     const Float energy[] = {Float(1), Float(1)}, strands[] = {Float(0)};
     const cuticle::LobeTable<Float, k> table{nodes, energy, strands, 1, 2, true};
     const auto sampler = cuticle::prepare(table, Float(.3), Float(0));

@@ -56,7 +56,7 @@ def document_nodes(strands: Sequence[float], defensive: float) -> NDArray[np.flo
             shift, sigma = np.radians(mu_h(theta_r)), np.full(THETA_NODES, SIGMA_H)
             spread = sigma_v(theta_r)
         mean = np.clip(shift - theta_r, -np.pi / 2 - 0.9 * sigma, np.pi / 2 + 0.9 * sigma)
-        row[:, :, 0] = np.stack([np.full(THETA_NODES, 1 - defensive), mean, sigma, np.full(THETA_NODES, np.pi), spread], 1)
+        row[:, :, 0] = np.stack([np.full(THETA_NODES, 1 - defensive), mean, np.full(THETA_NODES, np.pi), sigma, spread], 1)
         if lobes == 2:
-            row[:, :, 1] = [defensive, 0.0, _WIDE_THETA, np.pi, _FLAT_PHI]
+            row[:, :, 1] = [defensive, 0.0, np.pi, _WIDE_THETA, _FLAT_PHI]
     return nodes

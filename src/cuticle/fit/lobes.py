@@ -12,6 +12,7 @@ from cuticle.densities import even_normal, longitudinal_normal, periodic_normal
 from cuticle.fit.mixture import Array, confine, equations, from_natural, jacobian, loss, solve_each, to_natural
 from cuticle.fit.target import Targets, make_targets
 from cuticle.models import Bcsdf
+from cuticle.sampler import MEAN_PHI, MEAN_THETA, SIGMA_PHI, SIGMA_THETA, WEIGHT
 
 THETA_NODES = 25  # every 7.5 degrees
 END = np.radians(89.5)  # stands for the pole, where f·cos degenerates
@@ -87,11 +88,11 @@ def grow(targets: Targets, lobes: int) -> list[Array]:
 
 def _moments(targets: Targets) -> Array:
     mass = targets.q[0] * np.outer(targets.theta_weight[0], targets.phi_weight[0])
-    columns = []
+    means, sigmas = [], []
     for x, m in ((targets.theta[0], mass.sum(axis=1)), (targets.phi[0], mass.sum(axis=0))):
-        mean = (m * x).sum() / m.sum()
-        columns += [mean, np.sqrt((m * (x - mean) ** 2).sum() / m.sum())]
-    return np.array([1.0, *columns])[:, None]
+        means.append((m * x).sum() / m.sum())
+        sigmas.append(np.sqrt((m * (x - means[-1]) ** 2).sum() / m.sum()))
+    return np.array([1.0, *means, *sigmas])[:, None]
 
 
 def _with_one_more(targets: Targets, u: Array) -> Array:
@@ -109,21 +110,21 @@ def _with_one_more(targets: Targets, u: Array) -> Array:
     for place in dict.fromkeys(int(i) for i in places):
         a, b = np.unravel_index(place, q.shape)
         for width, spread in ((0.1, 0.2), (0.25, 0.6), (0.6, 1.2)):
-            new = np.array([0.08, targets.theta[0][a], width, targets.phi[0][b], spread])[:, None]
+            new = np.array([0.08, targets.theta[0][a], targets.phi[0][b], width, spread])[:, None]
             grown = np.concatenate([x, new], axis=1)
-            grown[0] /= grown[0].sum()
+            grown[WEIGHT] /= grown[WEIGHT].sum()
             starts.append(from_natural(grown))
     return np.array(starts)
 
 
 def _density(targets: Targets, x: Array) -> Array:
     along_phi = (
-        2 * even_normal.pdf(targets.phi[0][:, None], x[3], x[4])  # q holds both signs of phi on [0, pi]
+        2 * even_normal.pdf(targets.phi[0][:, None], x[MEAN_PHI], x[SIGMA_PHI])  # q holds both signs of phi on [0, pi]
         if targets.even
-        else periodic_normal.pdf(targets.phi[0][:, None], x[3], x[4])
+        else periodic_normal.pdf(targets.phi[0][:, None], x[MEAN_PHI], x[SIGMA_PHI])
     )
-    along_theta = longitudinal_normal.pdf(targets.theta[0][:, None], x[1], x[2])
-    return (along_theta * x[0]) @ along_phi.T
+    along_theta = longitudinal_normal.pdf(targets.theta[0][:, None], x[MEAN_THETA], x[SIGMA_THETA])
+    return (along_theta * x[WEIGHT]) @ along_phi.T
 
 
 def carry(points: Points, start: Array, rows: int) -> Array:
@@ -143,14 +144,14 @@ def carry(points: Points, start: Array, rows: int) -> Array:
     for distance in range(1, THETA_NODES - _START):
         places = [(r, _START + sign * distance, sign) for r in range(rows) for sign in (-1, 1)]
         starts = np.array([u[r, i - sign] for r, i, sign in places])
-        starts[:, 1] -= np.array([sign for *_, sign in places])[:, None] * step
+        starts[:, MEAN_THETA] -= np.array([sign for *_, sign in places])[:, None] * step
         targets = points.targets.take([on_node[r, i] for r, i, _ in places])
         solved, value = solve_each(targets, starts, iterations=20, tolerance=1e-3)
         lost = np.flatnonzero(value > _LOST)
         if len(lost):  # narrow lobes can miss their target: start those again from wider ones
             wide = starts[lost]
-            wide[:, 2] += 1.0
-            wide[:, 4] += 0.5
+            wide[:, SIGMA_THETA] += 1.0
+            wide[:, SIGMA_PHI] += 0.5
             again, new = solve_each(targets.take(lost), wide, iterations=80, tolerance=1e-3)
             better = new < value[lost]
             solved[lost[better]] = again[better]

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from cuticle import _core
 from cuticle.fit.target import Targets
+from cuticle.sampler import MEAN_PHI, MEAN_THETA, SIGMA_PHI, SIGMA_THETA, WEIGHT
 
 Array = NDArray[np.float64]
 
-SIGMA_THETA = (np.radians(0.2), 2.5)
-SIGMA_PHI = (np.radians(0.2), 6.0)
+SIGMA_THETA_RANGE = (np.radians(0.2), 2.5)
+SIGMA_PHI_RANGE = (np.radians(0.2), 6.0)
 _OUTSIDE = 0.95  # of a sigma, how far a mean may leave its domain; the core allows 1
 _LEAST_LOGIT = -9.0
 
@@ -22,19 +23,19 @@ _LEAST_LOGIT = -9.0
 def to_natural(u: Array) -> Array:
     """Map logits, means and log sigmas (..., 5, K) to weights, means and sigmas."""
     x = u.copy()
-    e = np.exp(u[..., 0, :] - u[..., 0, :].max(axis=-1, keepdims=True))
-    x[..., 0, :] = e / e.sum(axis=-1, keepdims=True)
-    x[..., 2, :] = np.exp(u[..., 2, :])
-    x[..., 4, :] = np.exp(u[..., 4, :])
+    e = np.exp(u[..., WEIGHT, :] - u[..., WEIGHT, :].max(axis=-1, keepdims=True))
+    x[..., WEIGHT, :] = e / e.sum(axis=-1, keepdims=True)
+    x[..., SIGMA_THETA, :] = np.exp(u[..., SIGMA_THETA, :])
+    x[..., SIGMA_PHI, :] = np.exp(u[..., SIGMA_PHI, :])
     return x
 
 
 def from_natural(x: Array) -> Array:
     """Map weights, means and sigmas to unconstrained coordinates."""
     u = x.copy()
-    u[..., 0, :] = np.log(np.maximum(x[..., 0, :], 1e-6))
-    u[..., 2, :] = np.log(x[..., 2, :])
-    u[..., 4, :] = np.log(x[..., 4, :])
+    u[..., WEIGHT, :] = np.log(np.maximum(x[..., WEIGHT, :], 1e-6))
+    u[..., SIGMA_THETA, :] = np.log(x[..., SIGMA_THETA, :])
+    u[..., SIGMA_PHI, :] = np.log(x[..., SIGMA_PHI, :])
     return u
 
 
@@ -42,29 +43,31 @@ def jacobian(x: Array) -> Array:
     """Return d natural / d unconstrained, shape (..., 5K, 5K)."""
     lobes = x.shape[-1]
     size = 5 * lobes
-    w = x[..., 0, :]
+    w = x[..., WEIGHT, :]
     d = np.zeros((*x.shape[:-2], size, size))
     i = np.arange(lobes)
     d[..., :lobes, :lobes] = -w[..., :, None] * w[..., None, :]
     d[..., i, i] += w
-    for row, scale in ((1, None), (2, x[..., 2, :]), (3, None), (4, x[..., 4, :])):
-        d[..., row * lobes + i, row * lobes + i] = 1.0 if scale is None else scale
+    for row in (MEAN_THETA, MEAN_PHI):
+        d[..., row * lobes + i, row * lobes + i] = 1.0
+    for row in (SIGMA_THETA, SIGMA_PHI):
+        d[..., row * lobes + i, row * lobes + i] = x[..., row, :]
     return d
 
 
 def confine(u: Array, even: bool) -> Array:
     """Return coordinates moved into the ranges that a sampler's table has."""
     v = u.copy()
-    v[..., 0, :] = np.maximum(u[..., 0, :] - u[..., 0, :].max(axis=-1, keepdims=True), _LEAST_LOGIT)
-    v[..., 2, :] = np.clip(u[..., 2, :], *np.log(SIGMA_THETA))
-    v[..., 4, :] = np.clip(u[..., 4, :], *np.log(SIGMA_PHI))
-    reach = np.pi / 2 + _OUTSIDE * np.exp(v[..., 2, :])
-    v[..., 1, :] = np.clip(u[..., 1, :], -reach, reach)
+    v[..., WEIGHT, :] = np.maximum(u[..., WEIGHT, :] - u[..., WEIGHT, :].max(axis=-1, keepdims=True), _LEAST_LOGIT)
+    v[..., SIGMA_THETA, :] = np.clip(u[..., SIGMA_THETA, :], *np.log(SIGMA_THETA_RANGE))
+    v[..., SIGMA_PHI, :] = np.clip(u[..., SIGMA_PHI, :], *np.log(SIGMA_PHI_RANGE))
+    reach = np.pi / 2 + _OUTSIDE * np.exp(v[..., SIGMA_THETA, :])
+    v[..., MEAN_THETA, :] = np.clip(u[..., MEAN_THETA, :], -reach, reach)
     if even:
-        beyond = _OUTSIDE * np.exp(v[..., 4, :])
-        v[..., 3, :] = np.clip(u[..., 3, :], -beyond, np.pi + beyond)
+        beyond = _OUTSIDE * np.exp(v[..., SIGMA_PHI, :])
+        v[..., MEAN_PHI, :] = np.clip(u[..., MEAN_PHI, :], -beyond, np.pi + beyond)
     else:
-        v[..., 3, :] = np.clip(u[..., 3, :], -2 * np.pi, 2 * np.pi)
+        v[..., MEAN_PHI, :] = np.clip(u[..., MEAN_PHI, :], -2 * np.pi, 2 * np.pi)
     return v
 
 
