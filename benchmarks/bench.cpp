@@ -175,10 +175,12 @@ int main(int argc, char **argv) {
     for (const float strands : {0.f, 2.f})
         cases.push_back({"eval, " + std::string(strands > 0 ? "2 strands" : "direct"),
                          [&in, &model, strands] {
-                             float sum = 0, f[8];
+                             float sum = 0, f[32];
+                             cuticle::AzimuthalTerms<float> terms[32];
                              for (int i = 0; i < inputs; ++i) {
-                                 cuticle::dual_scattering_eval(model, in.theta_i[i], in.theta_r[i], in.phi[i], strands, 15,
-                                                               f);
+                                 cuticle::dual_scattering_terms(model, in.theta_i[i], in.theta_r[i], strands, 15, terms);
+                                 cuticle::dual_scattering_around(model, terms, in.theta_i[i], in.theta_r[i], in.phi[i],
+                                                                 strands, f);
                                  sum += f[0];
                              }
                              return sum;

@@ -47,46 +47,51 @@ CUTICLE_HD Float backscatter(Formulation formulation, const Averages<Float> &a, 
     return (exact ? Float(1) : Float(2)) * a.back_energy * m / pi<Float>;
 }
 
-// f in 1/sr, without a cosine, into f[channels], for n >= 0 strands, whole or not, between the fibre and the light.
+// What f is around the fibre for n >= 0 strands, whole or not, between it and the light: terms[channels].
 template <class Float, class Scalar>
-CUTICLE_HD void dual_scattering_eval(const DualScatteringModel<Scalar> &model, const Float &theta_i, const Float &theta_r,
-                                     const Float &phi, const Float &strands, int lobes, Float *f) {
+CUTICLE_HD void dual_scattering_terms(const DualScatteringModel<Scalar> &model, const Float &theta_i, const Float &theta_r,
+                                      const Float &strands, int lobes, AzimuthalTerms<Float> *terms) {
     const bool exact = model.formulation == Formulation::exact;
     const int channels = model.direct.channels;
     const Float lit = math::max(Float(Float(1) - strands), Float(0));  // directly lit share
     const Float n = math::max(strands, Float(1));
     // `exact` takes every average at the viewer's inclination, so that each part's energy is known in closed form.
-    const Float inclination = exact ? theta_r : theta_difference(theta_i, theta_r);
-    for (int c = 0; c < channels; ++c) f[c] = Float(0);
-    if (lit > Float(0)) {
-        marschner_eval(model.fibre, model.direct, theta_i, theta_r, phi, lobes, f);
-        for (int c = 0; c < channels; ++c) {
-            if (lobes & mask_back)
-                f[c] = f[c] + Float(model.d_b) * backscatter(model.formulation,
-                                                             averages_at(model.averages, inclination, c, channels), theta_i,
-                                                             theta_r, Float(0), Float(0));
-            f[c] = lit * f[c];
-        }
-        if (!(lit < Float(1))) return;
-    }
-    const Bilinear<Float> at = locate(model.spread, inclination, phi);
+    const Float inclination = azimuthal_inclination(model.fibre.form, theta_i, theta_r);
+    marschner_terms(model.fibre, theta_i, theta_r, lit > Float(0) ? lobes : 0, channels, terms);
     for (int c = 0; c < channels; ++c) {
         const Averages<Float> a = averages_at(model.averages, inclination, c, channels);
-        const Float spread = n * a.beta_f * a.beta_f, shift = exact ? Float(n * a.alpha_f) : Float(0);
-        Float sum = Float(0);
-        for (int p = 0; p < lobe_count; ++p) {
-            if (!(lobes & (1 << p))) continue;
-            const Float m = longitudinal(model.fibre.form, theta_i, theta_r, Float(Float(model.fibre.alpha[p]) + shift),
-                                         Float(Float(model.fibre.beta[p] * model.fibre.beta[p]) + spread));
-            sum = sum + m * interpolate<Float>(model.spread.data, at, p * channels + c);
+        AzimuthalTerms<Float> &t = terms[c];
+        if (lit > Float(0)) {
+            if (lobes & mask_back)
+                t.constant =
+                    lit * Float(model.d_b) * backscatter(model.formulation, a, theta_i, theta_r, Float(0), Float(0));
+            for (int p = 0; p < lobe_count; ++p) t.weight[direct_rows][p] = lit * t.weight[direct_rows][p];
+            if (!(lit < Float(1))) continue;
         }
+        const Float spread = n * a.beta_f * a.beta_f, shift = exact ? Float(n * a.alpha_f) : Float(0);
         const Float density = Float(model.d_f) * (exact ? Float(1) : Float(model.d_f));  // printed twice: T_f holds one
-        if (lobes & mask_back)
-            sum = sum + (exact ? Float(1) : pi<Float>)*Float(model.d_b) *
-                            backscatter(model.formulation, a, theta_i, theta_r, shift, spread);
         const Float transmittance = math::decay(Float(n * math::log(math::max(a.a_f, std::numeric_limits<Float>::min()))));
-        f[c] = f[c] + (Float(1) - lit) * density * transmittance * sum;
+        const Float share = (Float(1) - lit) * density * transmittance;
+        for (int p = 0; p < lobe_count; ++p)
+            if (lobes & (1 << p))
+                t.weight[spread_rows][p] =
+                    share * longitudinal(model.fibre.form, theta_i, theta_r, Float(Float(model.fibre.alpha[p]) + shift),
+                                         Float(Float(model.fibre.beta[p] * model.fibre.beta[p]) + spread));
+        if (lobes & mask_back)
+            t.constant = t.constant + share * (exact ? Float(1) : pi<Float>)*Float(model.d_b) *
+                                          backscatter(model.formulation, a, theta_i, theta_r, shift, spread);
     }
+}
+
+// f in 1/sr, without a cosine, at phi into f[channels], from the terms.
+template <class Float, class Scalar>
+CUTICLE_HD void dual_scattering_around(const DualScatteringModel<Scalar> &model, const AzimuthalTerms<Float> *terms,
+                                       const Float &theta_i, const Float &theta_r, const Float &phi, const Float &strands,
+                                       Float *f) {
+    const Float inclination = azimuthal_inclination(model.fibre.form, theta_i, theta_r);
+    for (int c = 0; c < model.direct.channels; ++c) f[c] = terms[c].constant;
+    if (strands < Float(1)) add_rows(model.direct, terms, direct_rows, inclination, phi, f);
+    if (strands > Float(0)) add_rows(model.spread, terms, spread_rows, inclination, phi, f);
 }
 
 }  // namespace cuticle

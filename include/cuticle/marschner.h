@@ -25,19 +25,47 @@ CUTICLE_HD Float azimuthal_inclination(Longitudinal form, const Float &theta_i, 
     return form == Longitudinal::gaussian ? theta_difference(theta_i, theta_r) : theta_r;
 }
 
-// f in 1/sr, without a cosine, into f[channels].
+// Around the fibre, for fixed inclinations, one channel of f is a sum of rows of the azimuthal tables:
+// f(phi) = Σ_p weight[direct_rows][p] N_p(phi) + Σ_p weight[spread_rows][p] N^G_p(phi) + constant.
+// Everything but the look-up is done once for all phi.
+enum AzimuthalRows { direct_rows, spread_rows };
+template <class Float> struct AzimuthalTerms {
+    Float weight[2][lobe_count], constant;
+};
+
+// The direct rows' weights of each channel; the rest 0.
 template <class Float, class Scalar>
-CUTICLE_HD void marschner_eval(const FibreLobes<Scalar> &fibre, const AzimuthalTable<Scalar> &table, const Float &theta_i,
-                               const Float &theta_r, const Float &phi, int lobes, Float *f) {
-    for (int c = 0; c < table.channels; ++c) f[c] = Float(0);
-    const Bilinear<Float> at = locate(table, azimuthal_inclination(fibre.form, theta_i, theta_r), phi);
+CUTICLE_HD void marschner_terms(const FibreLobes<Scalar> &fibre, const Float &theta_i, const Float &theta_r, int lobes,
+                                int channels, AzimuthalTerms<Float> *terms) {
     for (int p = 0; p < lobe_count; ++p) {
-        if (!(lobes & (1 << p))) continue;
-        const Float m =
-            longitudinal(fibre.form, theta_i, theta_r, Float(fibre.alpha[p]), Float(fibre.beta[p] * fibre.beta[p]));
-        for (int c = 0; c < table.channels; ++c)
-            f[c] = f[c] + m * interpolate<Float>(table.data, at, p * table.channels + c);
+        const Float m = lobes & (1 << p) ? longitudinal(fibre.form, theta_i, theta_r, Float(fibre.alpha[p]),
+                                                        Float(fibre.beta[p] * fibre.beta[p]))
+                                         : Float(0);
+        for (int c = 0; c < channels; ++c) {
+            terms[c].weight[direct_rows][p] = m;
+            terms[c].weight[spread_rows][p] = Float(0);
+            terms[c].constant = Float(0);
+        }
     }
+}
+
+// Adds one table's part at phi to f[channels]; `inclination` is azimuthal_inclination.
+template <class Float, class Scalar>
+CUTICLE_HD void add_rows(const AzimuthalTable<Scalar> &table, const AzimuthalTerms<Float> *terms, AzimuthalRows rows,
+                         const Float &inclination, const Float &phi, Float *f) {
+    const Bilinear<Float> at = locate(table, inclination, phi);
+    for (int c = 0; c < table.channels; ++c)
+        for (int p = 0; p < lobe_count; ++p)
+            f[c] = f[c] + terms[c].weight[rows][p] * interpolate<Float>(table.data, at, p * table.channels + c);
+}
+
+// f in 1/sr, without a cosine, at phi into f[channels], from marschner_terms.
+template <class Float, class Scalar>
+CUTICLE_HD void marschner_around(const FibreLobes<Scalar> &fibre, const AzimuthalTable<Scalar> &table,
+                                 const AzimuthalTerms<Float> *terms, const Float &theta_i, const Float &theta_r,
+                                 const Float &phi, Float *f) {
+    for (int c = 0; c < table.channels; ++c) f[c] = Float(0);
+    add_rows(table, terms, direct_rows, azimuthal_inclination(fibre.form, theta_i, theta_r), phi, f);
 }
 
 }  // namespace cuticle

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -48,9 +49,12 @@ def adapted_edges(
 
 def gauss_legendre(edges: Array, order: int) -> tuple[Array, Array]:
     """Return nodes and weights of the composite Gauss-Legendre rule between edges."""
-    x, w = np.polynomial.legendre.leggauss(order)
+    x, w = _leggauss(order)
     half = 0.5 * np.diff(edges)[:, None]
     return (edges[:-1, None] + half * (1 + x)).ravel(), (half * w).ravel()
+
+
+_leggauss = lru_cache(np.polynomial.legendre.leggauss)
 
 
 def _share(edges: Array, mass: Array, count: int) -> Array:

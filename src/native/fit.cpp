@@ -29,37 +29,62 @@ void normal_with_derivatives(double mean, double sigma, double lo, double hi, co
     }
 }
 
+// The three factors a lobe has along a coordinate, value and derivatives by mean and sigma, and which of theta's and of
+// phi's each parameter's derivative of the density is the product of.
+enum Factor { value_of, by_mean, by_sigma, factors };
+struct Parameter {
+    cuticle::LobeParameter parameter;
+    Factor theta, phi;
+};
+constexpr Parameter products[] = {{cuticle::lobe_weight, value_of, value_of},
+                                  {cuticle::lobe_mean_theta, by_mean, value_of},
+                                  {cuticle::lobe_mean_phi, value_of, by_mean},
+                                  {cuticle::lobe_sigma_theta, by_sigma, value_of},
+                                  {cuticle::lobe_sigma_phi, value_of, by_sigma}};
+
 // For each of E viewer angles: q (E, A, B), its grid theta (E, A) and phi (E, B) with quadrature weights, parameters
 // (E, lobe_parameters, K). Out: loss (E) = ½ ∫ (q - p)²/p, gradient (E, P), hessian (E, P, P), P = lobe_parameters K.
 // With an empty hessian only the loss is computed.
+//
+// Each parameter's derivative is a product of a function of theta and one of phi, of which there are only 3 K, so the
+// sums over phi are made once for those 3 K and spread over the P parameters row by row.
 void normal_equations(const In<double> &q, const In<double> &theta, const In<double> &theta_weight, const In<double> &phi,
                       const In<double> &phi_weight, const In<double> &parameters, bool even, Out<double> loss,
                       Out<double> gradient, Out<double> hessian) {
     const std::size_t evaluations = q.shape(0), na = q.shape(1), nb_ = q.shape(2), lobes = parameters.shape(2);
-    const std::size_t size = cuticle::lobe_parameters * lobes;
+    const std::size_t size = cuticle::lobe_parameters * lobes, kinds = factors * lobes;
     const bool derivatives = hessian.size() > 0;
     const double least = 1e-30;  // keeps q²/p finite where every lobe has died out
     parallel_for(evaluations, 1, [&](std::size_t begin, std::size_t end) {
-        std::vector<double> t(3 * lobes * na), f(3 * lobes * nb_), g(size), column(size), row(lobes);
-        std::vector<double> wrapped(nb_);
+        // Factors by theta and by phi, [factor][lobe][point]; those by phi once more by point: [point][factor][lobe].
+        std::vector<double> t(kinds * na), f(kinds * nb_), by_point(kinds * nb_), wrapped(nb_), p(nb_), slope(nb_),
+            curvature(nb_), first(kinds), second(kinds * kinds), scale(size);
+        std::vector<std::size_t> kind(size);
         for (std::size_t e = begin; e < end; ++e) {
             const double *x = parameters.data() + e * size;
-            const double *phis = phi.data() + e * nb_;
+            const double *thetas = theta.data() + e * na, *phis = phi.data() + e * nb_;
             for (std::size_t k = 0; k < lobes; ++k) {
+                const auto part = [&](std::vector<double> &of, Factor factor, std::size_t points) {
+                    return &of[(factor * lobes + k) * points];
+                };
                 normal_with_derivatives(x[cuticle::lobe_mean_theta * lobes + k], x[cuticle::lobe_sigma_theta * lobes + k],
-                                        -cuticle::half_pi<double>, cuticle::half_pi<double>, theta.data() + e * na, na,
-                                        &t[3 * k * na], &t[(3 * k + 1) * na], &t[(3 * k + 2) * na]);
-                const double mean = x[cuticle::lobe_mean_phi * lobes + k], pi = cuticle::pi<double>;
+                                        -cuticle::half_pi<double>, cuticle::half_pi<double>, thetas, na,
+                                        part(t, value_of, na), part(t, by_mean, na), part(t, by_sigma, na));
+                const double mean = x[cuticle::lobe_mean_phi * lobes + k], sigma = x[cuticle::lobe_sigma_phi * lobes + k];
+                const double pi = cuticle::pi<double>;
                 for (std::size_t b = 0; b < nb_; ++b)
                     wrapped[b] = even ? phis[b] : mean + cuticle::math::wrap_angle(phis[b] - mean);
-                normal_with_derivatives(mean, x[cuticle::lobe_sigma_phi * lobes + k], even ? 0 : mean - pi,
-                                        even ? pi : mean + pi, wrapped.data(), nb_, &f[3 * k * nb_], &f[(3 * k + 1) * nb_],
-                                        &f[(3 * k + 2) * nb_]);
+                normal_with_derivatives(mean, sigma, even ? 0 : mean - pi, even ? pi : mean + pi, wrapped.data(), nb_,
+                                        part(f, value_of, nb_), part(f, by_mean, nb_), part(f, by_sigma, nb_));
                 if (!even)  // the period moves with the mean: its ends add nothing
                     for (std::size_t b = 0; b < nb_; ++b)
-                        f[(3 * k + 1) * nb_ + b] = f[3 * k * nb_ + b] * (wrapped[b] - mean) /
-                                                   cuticle::math::sqr(x[cuticle::lobe_sigma_phi * lobes + k]);
+                        part(f, by_mean, nb_)[b] = part(f, value_of, nb_)[b] * (wrapped[b] - mean) / (sigma * sigma);
             }
+            for (std::size_t m = 0; derivatives && m < kinds; ++m)
+                for (std::size_t b = 0; b < nb_; ++b) by_point[b * kinds + m] = f[m * nb_ + b];
+            for (const Parameter &d : products)
+                for (std::size_t k = 0; k < lobes; ++k)
+                    kind[d.parameter * lobes + k] = static_cast<std::size_t>(d.phi) * lobes + k;
             double total = 0;
             double *out_g = derivatives ? gradient.data() + e * size : nullptr;
             double *out_h = derivatives ? hessian.data() + e * size * size : nullptr;
@@ -67,31 +92,45 @@ void normal_equations(const In<double> &q, const In<double> &theta, const In<dou
                 std::fill(out_g, out_g + size, 0.);
                 std::fill(out_h, out_h + size * size, 0.);
             }
-            for (std::size_t a = 0; a < na; ++a)
+            for (std::size_t a = 0; a < na; ++a) {
+                const double *target = q.data() + (e * na + a) * nb_, *weight = phi_weight.data() + e * nb_;
+                const double row_weight = theta_weight.data()[e * na + a];
+                std::fill(p.begin(), p.end(), least);
+                for (std::size_t k = 0; k < lobes; ++k) {
+                    const double w = x[k] * t[k * na + a];
+                    for (std::size_t b = 0; b < nb_; ++b) p[b] += w * f[k * nb_ + b];
+                }
+                double sum = 0;
                 for (std::size_t b = 0; b < nb_; ++b) {
-                    const double weight = theta_weight.data()[e * na + a] * phi_weight.data()[e * nb_ + b];
-                    double p = least;
-                    for (std::size_t k = 0; k < lobes; ++k) p += x[k] * t[3 * k * na + a] * f[3 * k * nb_ + b];
-                    const double target = q.data()[(e * na + a) * nb_ + b];
-                    total += .5 * weight * (target - p) * (target - p) / p;
-                    if (!derivatives) continue;
-                    for (std::size_t k = 0; k < lobes; ++k) {
-                        const double tv = t[3 * k * na + a], fv = f[3 * k * nb_ + b], w = x[k];
-                        g[k] = tv * fv;
-                        g[cuticle::lobe_mean_theta * lobes + k] = w * t[(3 * k + 1) * na + a] * fv;
-                        g[cuticle::lobe_sigma_theta * lobes + k] = w * t[(3 * k + 2) * na + a] * fv;
-                        g[cuticle::lobe_mean_phi * lobes + k] = w * tv * f[(3 * k + 1) * nb_ + b];
-                        g[cuticle::lobe_sigma_phi * lobes + k] = w * tv * f[(3 * k + 2) * nb_ + b];
-                    }
-                    const double slope = -.5 * weight * (target * target - p * p) / (p * p);
-                    const double curvature = .25 * weight * (target + p) * (target + p) / (p * p * p);
-                    for (std::size_t j = 0; j < size; ++j) {
-                        out_g[j] += slope * g[j];
-                        const double c = curvature * g[j];
-                        double *h = out_h + j * size;
-                        for (std::size_t l = 0; l <= j; ++l) h[l] += c * g[l];
+                    const double r = target[b] / p[b];
+                    sum += weight[b] * (r - 1) * (r - 1) * p[b];
+                    slope[b] = -.5 * row_weight * weight[b] * (r * r - 1);
+                    curvature[b] = .25 * row_weight * weight[b] * (r + 1) * (r + 1) / p[b];
+                }
+                total += .5 * row_weight * sum;
+                if (!derivatives) continue;
+                std::fill(first.begin(), first.end(), 0.);
+                std::fill(second.begin(), second.end(), 0.);
+                for (std::size_t b = 0; b < nb_; ++b) {
+                    const double *g = &by_point[b * kinds];
+                    for (std::size_t m = 0; m < kinds; ++m) first[m] += slope[b] * g[m];
+                    for (std::size_t m = 0; m < kinds; ++m) {
+                        const double c = curvature[b] * g[m];
+                        double *row = &second[m * kinds];
+                        for (std::size_t n = 0; n < kinds; ++n) row[n] += c * g[n];
                     }
                 }
+                for (const Parameter &d : products)
+                    for (std::size_t k = 0; k < lobes; ++k)
+                        scale[d.parameter * lobes + k] =
+                            (d.parameter == cuticle::lobe_weight ? 1 : x[k]) * t[(d.theta * lobes + k) * na + a];
+                for (std::size_t j = 0; j < size; ++j) {
+                    out_g[j] += scale[j] * first[kind[j]];
+                    double *h = out_h + j * size;
+                    const double *row = &second[kind[j] * kinds];
+                    for (std::size_t l = 0; l <= j; ++l) h[l] += scale[j] * scale[l] * row[kind[l]];
+                }
+            }
             loss.data()[e] = total;
             if (derivatives)
                 for (std::size_t j = 0; j < size; ++j)

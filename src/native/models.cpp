@@ -123,10 +123,16 @@ struct Model {
         const auto ti = broadcast(theta_i), tr = broadcast(theta_r), ph = broadcast(phi), n = broadcast(strands);
         const auto channels = static_cast<std::size_t>(model.direct.channels);
         parallel_for(out.shape(0), 512, [&](std::size_t begin, std::size_t end) {
+            std::vector<cuticle::AzimuthalTerms<double>> terms(channels);
             for (std::size_t i = begin; i < end; ++i) {
+                const double t = ti[i], r = tr[i], count = n[i];
+                if (i == begin || t != ti[i - 1] || r != tr[i - 1] || count != n[i - 1]) {
+                    if (dual) cuticle::dual_scattering_terms(model, t, r, count, lobes, terms.data());
+                    else cuticle::marschner_terms(model.fibre, t, r, lobes, int(channels), terms.data());
+                }
                 double *f = out.data() + i * channels;
-                if (dual) cuticle::dual_scattering_eval(model, ti[i], tr[i], ph[i], n[i], lobes, f);
-                else cuticle::marschner_eval(model.fibre, model.direct, ti[i], tr[i], ph[i], lobes, f);
+                if (dual) cuticle::dual_scattering_around(model, terms.data(), t, r, ph[i], count, f);
+                else cuticle::marschner_around(model.fibre, model.direct, terms.data(), t, r, ph[i], f);
             }
         });
     }

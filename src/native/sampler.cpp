@@ -30,18 +30,20 @@ template <class Float, int K> struct Table {
                static_cast<int>(nodes_.shape(1)),
                even} {}
 
-    // body(i, prepared sampler) for each i; prepared once while theta_r and the strands stay the same.
+    // body(i, prepared sampler) for each i; prepared once for a run of like theta_r and strands.
     template <class Body>
     void each(std::size_t count, const In<Float> &theta_r, const In<Float> &n, const Body &body) const {
         const auto tr = broadcast(theta_r), ns = broadcast(n);
         parallel_for(count, 1024, [&](std::size_t begin, std::size_t end) {
-            using Prepared = cuticle::PreparedSampler<Float, K>;
-            alignas(Prepared) unsigned char place[sizeof(Prepared)];  // made there, not copied there
-            const Prepared *sampler = nullptr;
-            for (std::size_t i = begin; i < end; ++i) {
-                if (i == begin || tr[i] != tr[i - 1] || ns[i] != ns[i - 1])
-                    sampler = new (place) Prepared(cuticle::prepare(view, Float(tr[i]), Float(ns[i])));
-                body(i, *sampler);
+            for (std::size_t i = begin; i < end;) {
+                const Float t = tr[i], strands = ns[i];
+                std::size_t stop = i + 1;
+                while (stop < end && tr[stop] == t && ns[stop] == strands) ++stop;
+                const auto sampler = cuticle::prepare(view, t, strands);
+                if (stop == i + 1) body(i, sampler);  // a run of one: no loop, nothing need leave the registers
+                else
+                    for (std::size_t j = i; j < stop; ++j) body(j, sampler);
+                i = stop;
             }
         });
     }
