@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import cuticle
-from cuticle.fit.document import multiple
+from cuticle.fit.document import DRAFT
 
 
 def script(name: str) -> ModuleType:
@@ -45,7 +45,6 @@ def test_table_2_is_met_as_well_as_the_preset_says(data: Path) -> None:
 def test_table_3_is_met_as_well_as_the_closed_form_says(data: Path) -> None:
     table = np.genfromtxt(data / "document" / "table3.csv", delimiter=",", names=True)
     table = table[np.abs(table["theta_r_deg"]) <= 60]
-    pairs = [multiple(np.radians(np.array([row["theta_r_deg"]])), row["strands"]) for row in table]
-    shift, sigma = (np.array([float(p[i][0]) for p in pairs]) for i in (0, 1))
+    shift, sigma = (f(np.radians(table["theta_r_deg"]), table["strands"]) for f in (DRAFT.mu, DRAFT.sigma))
     assert np.sqrt(np.mean((np.degrees(shift) - table["mu_shift_deg"]) ** 2)) <= 1.15
     assert np.sqrt(np.mean((sigma - table["sigma_rad"]) ** 2)) == pytest.approx(0.022, abs=0.001)

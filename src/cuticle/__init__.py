@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from cuticle import densities, presets
 from cuticle.check import Report, check
+from cuticle.combine import combine
 from cuticle.distribution import Distribution, tabulate
 from cuticle.fibre import Fibre
 from cuticle.fit import Fit, fit
@@ -26,6 +27,7 @@ __all__ = [
     "Sampler",
     "__version__",
     "check",
+    "combine",
     "densities",
     "fit",
     "measure",

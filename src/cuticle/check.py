@@ -145,7 +145,7 @@ def check(
         bin and a pdf scaled by 1 % must be caught at this sample size, else the check itself fails.
     """
     angles = DEFAULT_ANGLES if theta_r is None else validate.angles("theta_r", theta_r, np.pi / 2 * (1 - 1e-6), np.float64)
-    counts = sampler.strands if strands is None else validate.strand_counts("strands", strands)
+    counts = sampler.covers if strands is None else validate.strand_counts("strands", strands)
     validate.integer("samples", samples, 10_000, 100_000_000)
     validate.number("level", level, 1e-9, 0.5)
     validate.integer("seed", seed, 0, 2**63 - 1)

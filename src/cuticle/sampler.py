@@ -120,6 +120,29 @@ class Sampler:
         """The fibre that the sampler was fitted to, where one is known."""
         return Fibre(**self.about["fibre"]) if "fibre" in self.about else None
 
+    @property
+    def covers(self) -> tuple[float, ...]:
+        """Strand counts that the sampler is meant for: its rows', or those that `cuticle.combine` put into one row."""
+        return validate.strand_counts("covers", self.about["covers"]) if "covers" in self.about else self.strands
+
+    def row(self, strands: float) -> Sampler:
+        """Return the sampler of one strand count alone.
+
+        Raises
+        ------
+        ValueError
+            A count between 0 and the next row's, where two mixtures are blended and no one row holds both.
+        """
+        n = validate.number("strands", strands, 0, validate.MAX_STRANDS)
+        counts = np.array(self.strands)
+        if self._blends and 0 < n < min(counts[1], 1):
+            raise ValueError(f"strands must be 0 or at least {min(counts[1], 1):g} for one row, got {n:g}")
+        upper = int(np.clip(np.searchsorted(counts, n), 0, len(counts) - 1))
+        lower = max(upper - 1, 1 if self._blends and n > 0 else 0)
+        s = 1.0 if upper <= lower else float(np.clip((n - counts[lower]) / (counts[upper] - counts[lower]), 0, 1))
+        nodes, energy = ((1 - s) * a[[lower]] + s * a[[upper]] for a in (self.nodes, self.energy))
+        return Sampler(nodes, energy, (n,), self.even, self.about)
+
     def pdf(self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike, strands: ArrayLike | None = None) -> NDArray:
         """Return the density of a direction, per steradian (d omega = cos(theta_i) d theta_i d phi).
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from cuticle import validate
 from cuticle.fibre import Fibre
+from cuticle.fit.document import DRAFT, ClosedForm, DocumentFunctions, Term, document_nodes
 from cuticle.fit.document import THETA_NODES as DOCUMENT_NODES
-from cuticle.fit.document import document_nodes
 from cuticle.fit.lobes import END, Points, carry, grow, make_points, node_angles, polish
 from cuticle.fit.mixture import Array, loss, to_natural
 from cuticle.fit.result import Candidate, Fit
@@ -20,7 +20,19 @@ from cuticle.models import Bcsdf
 from cuticle.quality import measure
 from cuticle.sampler import MAX_LOBES, Sampler
 
-__all__ = ["FORMS", "MEASURED_AT", "OBJECTIVES", "Candidate", "Fit", "fit", "sampling_cost"]
+__all__ = [
+    "DRAFT",
+    "FORMS",
+    "MEASURED_AT",
+    "OBJECTIVES",
+    "Candidate",
+    "ClosedForm",
+    "DocumentFunctions",
+    "Fit",
+    "Term",
+    "fit",
+    "sampling_cost",
+]
 
 FORMS = ("lobes", "document")
 MEASURED_AT = np.radians([-85, -75, -60, -30, 0, 30, 60, 75, 85.0])
@@ -45,6 +57,7 @@ def fit(
     form: str = "lobes",
     objective: str = "luminance",
     defensive: float = 0.1,
+    functions: DocumentFunctions = DRAFT,
     progress: Progress | None = None,
 ) -> Fit:
     """Fit a sampler to a scattering function.
@@ -58,12 +71,15 @@ def fit(
     strands
         Increasing strand counts to cover; the model's own count if left out.
     form
-        "lobes": K lobes fitted to minimise 1/ESS. "document": the draft description's closed forms with the
-        numbers it prints (for its own fibre; a baseline), and a `defensive` share.
+        "lobes": K lobes fitted to minimise 1/ESS. "document": the draft description's closed forms with `functions`,
+        and a `defensive` share.
     objective
         "luminance", or "rgb": 1/ESS averaged over all channels.
     defensive
         Share of a nearly uniform lobe in the document's form, 0 to 0.99.
+    functions
+        Of the document's form: the draft's own numbers if left out (for its own fibre, whatever the model: a baseline);
+        `cuticle.document` finds those of any fibre.
     progress
         Called with a phase and a fraction from 0 to 1 of the whole.
 
@@ -89,6 +105,8 @@ def fit(
     if lobes is not None:
         lobes = validate.integer("lobes", lobes, 1, MAX_LOBES, remedy="4 suits most fibres; None lets the program choose")
     validate.number("defensive", defensive, 0, 0.99)
+    if not isinstance(functions, DocumentFunctions):
+        raise TypeError(f"functions must be DocumentFunctions, got {type(functions).__name__}; cuticle.document finds them")
     if not callable(getattr(model, "eval", None)):
         raise TypeError(f"model must have eval(theta_i, theta_r, phi), got {type(model).__name__}")
     counts = _counts(model, strands)
@@ -103,12 +121,14 @@ def fit(
         report("closed forms", 0.5)
         angles = np.clip(np.linspace(-np.pi / 2, np.pi / 2, DOCUMENT_NODES), -END, END)
         targets = make_targets([with_strands(n) for n in counts for _ in angles], [*angles] * len(counts), objective)
-        nodes, energy, even = document_nodes(counts, defensive), targets.energy.reshape(len(counts), -1), True
+        nodes, energy, even = document_nodes(counts, defensive, functions), targets.energy.reshape(len(counts), -1), True
     else:
         nodes, energy, even, candidates = _fit_lobes(with_strands, counts, lobes, objective, report)
     seconds = time.perf_counter() - start
 
     about: dict[str, Any] = {"form": form, "objective": objective, "model": type(model).__name__}
+    if form == "document":
+        about["functions"] = [line for lines in functions.code() for line in lines]
     fibre = getattr(model, "fibre", None)
     if isinstance(fibre, Fibre):
         about["fibre"] = fibre.model_dump(exclude_none=True, mode="json")

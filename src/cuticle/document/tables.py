@@ -1,0 +1,156 @@
+"""The draft's three tables, for any scattering function."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cuticle.distribution import luminance, tabulate
+from cuticle.document.gaussians import HOLDS, Curve, Gaussian, fit_gaussian
+from cuticle.models import Bcsdf
+
+PHI_R = (-180, -90, 0, 90, 180)  # degrees, as are those below
+THETA_R_1 = (-90, -60, -30, 0, 30, 60, 90)
+THETA_R_2 = tuple(range(-80, 81, 10))
+THETA_R_3 = (-90, -60, -30, 0, 30, 60, 90)
+STRANDS = (1.0, 2.0, 4.0, 8.0, 16.0)
+USED = 70  # degrees: past it the draft leaves its Gaussians, and so do the functions
+POLE = math.radians(89.75)  # stands for ±90°, where f·cos has no limit
+_AROUND = 90  # azimuths of a mean over phi
+
+
+def near_pole(degrees: float) -> float:
+    """Return an inclination in radians, ±90° as ±89.75°."""
+    return float(np.clip(math.radians(degrees), -POLE, POLE))
+
+
+@dataclass(frozen=True)
+class PeakRow:
+    """Table 1: where f·cos is largest for one viewer. Radians; phi_i in (-pi, pi]."""
+
+    phi_r: float
+    theta_r: float
+    theta_i: float
+    phi_i: float
+    mirror: float  # the azimuth of the same height across the fibre, where f is even in phi
+
+
+@dataclass(frozen=True)
+class SliceRow:
+    """Table 2: Gaussians along phi (V) and along theta_i (H) through the highlight. Radians."""
+
+    theta_r: float
+    vertical: Gaussian | None
+    horizontal: Gaussian | None
+    shift: float | None  # of the mean along theta_i from -theta_r
+    peak_offset: float  # azimuth of the true maximum, from the highlight's axis
+
+    @property
+    def holds(self) -> bool:
+        """Whether both Gaussians describe their slice: rms residual at most a tenth of the peak."""
+        return all(g is not None and g.residual <= HOLDS for g in (self.vertical, self.horizontal))
+
+
+@dataclass(frozen=True)
+class StrandRow:
+    """Table 3: the one Gaussian in theta_i through n strands. Radians."""
+
+    strands: float
+    theta_r: float
+    gaussian: Gaussian | None
+    shift: float | None  # of the mean from -theta_r
+
+    @property
+    def holds(self) -> bool:
+        """Whether the Gaussian describes the curve."""
+        return self.gaussian is not None and self.gaussian.residual <= HOLDS
+
+
+def highlight_axis(model: Bcsdf) -> float:
+    """Return the azimuth that the highlight is centred on, pi or 0: the higher one at normal view."""
+    theta = np.linspace(-1.5, 1.5, 601)
+    return math.pi if _slice(model, theta, 0.0, math.pi).max() >= _slice(model, theta, 0.0, 0.0).max() else 0.0
+
+
+def _slice(model: Bcsdf, theta_i: NDArray, theta_r: float, phi: float | NDArray) -> NDArray[np.float64]:
+    """f·cos(theta_i) of the luminance, 1/sr."""
+    f = luminance(np.asarray(model.eval(theta_i, theta_r, phi), np.float64))
+    return f * np.cos(theta_i)
+
+
+def along_theta(model: Bcsdf, theta_r: float, axis: float) -> Curve:
+    """Return the slice along theta_i at the highlight's azimuth, per steradian."""
+    return lambda x: _slice(model, x, theta_r, axis)
+
+
+def around(model: Bcsdf, theta_r: float) -> Curve:
+    """Return the distribution of theta_i over all azimuths, per radian: ∫ f cos² theta_i d phi.
+
+    The one Gaussian for n strands has no azimuthal part, so it is a density of theta_i alone: d omega brings one more
+    cosine. The draft's own table is met better so than without it (docs/document.md).
+    """
+    phi = (np.arange(_AROUND) + 0.5) * math.pi / _AROUND if getattr(model, "even", False) else None
+    if phi is None:
+        phi = (np.arange(2 * _AROUND) + 0.5) * math.pi / _AROUND - math.pi
+
+    def curve(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        return 2 * math.pi * _slice(model, x[:, None], theta_r, phi).mean(axis=1) * np.cos(x)
+
+    return curve
+
+
+def table_1(model: Bcsdf, theta_r: Sequence[float] = THETA_R_1, phi_r: Sequence[float] = PHI_R) -> tuple[PeakRow, ...]:
+    """Return the position of the maximum for each viewer; arguments in degrees.
+
+    f depends on phi_i - phi_r alone, so each theta_r is searched once for phi_r = 0 and turned.
+    """
+    rows = []
+    peaks = {t: tabulate(model, near_pole(t), n_theta=720, n_phi=720).peak for t in theta_r}
+    for p in phi_r:
+        for t in theta_r:
+            turned = [_wrap(math.radians(p) + sign * peaks[t].phi) for sign in (1, -1)]
+            rows.append(PeakRow(math.radians(p), math.radians(t), peaks[t].theta_i, *turned))
+    return tuple(rows)
+
+
+def table_2(model: Bcsdf, theta_r: Sequence[float] = THETA_R_2, axis: float | None = None) -> tuple[SliceRow, ...]:
+    """Return the Gaussians through the highlight of direct light; theta_r in degrees."""
+    axis = highlight_axis(model) if axis is None else axis
+    rows = []
+    for degrees in theta_r:
+        t = near_pole(degrees)
+        horizontal = fit_gaussian(along_theta(model, t, axis), -math.pi / 2, math.pi / 2)
+        vertical = None
+        if horizontal is not None:
+            x = np.linspace(-math.pi / 2, math.pi / 2, 1441)
+            top = float(x[np.argmax(_slice(model, x, t, axis))])
+            vertical = fit_gaussian(
+                lambda p, top=top, t=t: _slice(model, np.array(top), t, p + axis),  # type: ignore[misc]
+                -math.pi,
+                math.pi,
+                centre=0.0,
+            )
+        shift = None if horizontal is None else horizontal.mean + t
+        peak = tabulate(model, t, n_theta=360, n_phi=360).peak
+        rows.append(SliceRow(math.radians(degrees), vertical, horizontal, shift, abs(_wrap(peak.phi - axis))))
+    return tuple(rows)
+
+
+def table_3(model: Bcsdf, strands: Sequence[float] = STRANDS, theta_r: Sequence[float] = THETA_R_3) -> tuple[StrandRow, ...]:
+    """Return the one Gaussian in theta_i for each number of strands; theta_r in degrees."""
+    rows = []
+    for n in strands:
+        own = model.with_strands(n)  # type: ignore[attr-defined]
+        for degrees in theta_r:
+            t = near_pole(degrees)
+            gaussian = fit_gaussian(around(own, t), -math.pi / 2, math.pi / 2, window=0.0)
+            rows.append(StrandRow(n, math.radians(degrees), gaussian, None if gaussian is None else gaussian.mean + t))
+    return tuple(rows)
+
+
+def _wrap(phi: float) -> float:
+    return math.pi - (math.pi - phi) % (2 * math.pi)
