@@ -23,7 +23,7 @@ from rich.table import Table
 
 import cuticle
 from cuticle import models
-from cuticle.cli import ess_text
+from cuticle.console import ess_text
 from cuticle.fit import MEASURED_AT
 from cuticle.quality import UniformSphere
 from cuticle.sampler import Sampler

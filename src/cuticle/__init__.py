@@ -6,6 +6,7 @@ from cuticle import densities, presets
 from cuticle.check import Report, check
 from cuticle.combine import combine
 from cuticle.distribution import Distribution, tabulate
+from cuticle.document import Document, document
 from cuticle.fibre import Fibre
 from cuticle.fit import Fit, fit
 from cuticle.models import Averages, Bcsdf, DualScattering, Marschner
@@ -17,6 +18,7 @@ __all__ = [
     "Averages",
     "Bcsdf",
     "Distribution",
+    "Document",
     "DualScattering",
     "Fibre",
     "Fit",
@@ -29,6 +31,7 @@ __all__ = [
     "check",
     "combine",
     "densities",
+    "document",
     "fit",
     "measure",
     "presets",

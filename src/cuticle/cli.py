@@ -1,4 +1,4 @@
-"""The command line: `cuticle fibres`, `cuticle fit`, `cuticle check`."""
+"""The command line: `cuticle fibres`, `fit`, `check`, `document`, `report`."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
 from cuticle import validate
-from cuticle.check import Report, check
+from cuticle.check import check
+from cuticle.console import check_tables, document_tables, fit_table, table
+from cuticle.document import Document, Printed, document
 from cuticle.fibre import Fibre
 from cuticle.files import read_text, writable_directory, write_bytes, write_text
 from cuticle.fit import FORMS, OBJECTIVES, Fit, fit
@@ -69,10 +69,6 @@ def read_strands(text: str) -> tuple[float, ...]:
     return validate.strand_counts("--strands", counts)
 
 
-def _table(title: str, caption: str | None = None) -> Table:
-    return Table(title=title, caption=caption, box=box.SIMPLE_HEAD, pad_edge=False, title_style="bold", title_justify="left")
-
-
 @app.command()
 def fibres(
     json_output: JsonOption = False,
@@ -89,14 +85,14 @@ def fibres(
             json.dumps({name: Fibre.preset(name).model_dump(exclude_none=True, mode="json") for name in PRESETS}, indent=2)
         )
         return
-    table = _table("Fibres: angles in degrees of theta_h, sigma_a per radius")
+    listing = table("Fibres: angles in degrees of theta_h, sigma_a per radius")
     for column in ("name", "alpha R, TT, TRT", "beta R, TT, TRT", "beta_N", "eta", "sigma_a"):
-        table.add_column(column, no_wrap=True)
+        listing.add_column(column, no_wrap=True)
     for name, make in PRESETS.items():
         f = make()
         angles = [", ".join(f"{x:.3g}" for x in np.degrees(v)) for v in (f.alpha, f.beta)]
-        table.add_row(name, *angles, f"{f.beta_N:g}", f"{f.eta:g}", ", ".join(f"{x:.3g}" for x in f.absorption))
-    out.print(table)
+        listing.add_row(name, *angles, f"{f.beta_N:g}", f"{f.eta:g}", ", ".join(f"{x:.3g}" for x in f.absorption))
+    out.print(listing)
     for name, make in PRESETS.items():
         out.print(f"[bold]{name}[/]: {(make.__doc__ or '').strip().splitlines()[0]}")
 
@@ -173,42 +169,100 @@ def check_command(
     if json_output:
         print(text, end="")
     else:
-        for table in check_tables(report):
-            out.print(table)
+        for listing in check_tables(report):
+            out.print(listing)
     if not report.ok:
         raise typer.Exit(1)
 
 
+@app.command("document")
+def document_command(
+    fibre: FibreArgument = "document",
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="DIR", help="Folder for document.json, and the figures as SVG and PNG."),
+    ] = None,
+    printed: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder of the draft's table1.csv, table2.csv, table3.csv, to compare with."),
+    ] = None,
+    json_output: JsonOption = False,
+) -> None:
+    """Reproduce and complete the draft description: its tables, functions, figures and claims, for any fibre."""
+    parsed = read_fibre(fibre)
+    tables = Printed.load(printed) if printed is not None else Printed.find() if fibre == "document" else None
+    if output is not None:
+        writable_directory(output)
+    with _progress(json_output) as progress:
+        result = document(parsed, printed=tables, name=Path(fibre).stem, progress=progress)
+        if output is not None:
+            result.save(output, progress=progress)
+    if json_output:
+        print(json.dumps(result.to_dict(), indent=2, allow_nan=False))
+        return
+    _tell_document(result)
+    if output is not None:
+        out.print(f"wrote {output / 'document.json'} and {output / 'figures'}", soft_wrap=True)
+
+
+def _tell_document(result: Document) -> None:
+    plain = result.to_dict()
+    for listing in document_tables(plain):
+        out.print(listing)
+    if plain["shader"] is not None:
+        out.print("For a shader, t = theta_r in radians, n strands:")
+        for line in (*plain["shader"]["direct"], *plain["shader"]["strands"]):
+            out.print(f"  {line}", soft_wrap=True, highlight=False)
+
+
+@app.command("report")
+def report_command(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A folder with results of fit, check, document.")],
+) -> None:
+    """Write one self-contained HTML page from the results of fit, check and document that lie in a folder."""
+    from cuticle.report.page import write_report
+
+    out.print(f"wrote {write_report(folder)}", soft_wrap=True)
+
+
 @app.command("demo", hidden=True)
 def demo_command(output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR")] = Path("out/demo")) -> None:
-    """Fit, check and picture the document fibre: what `make demo` runs."""
+    """Fit, check, reproduce and picture the document fibre: what `make demo` runs."""
     from cuticle.quality import UniformSphere, measure
     from cuticle.report.densities import densities_figure
+    from cuticle.report.page import write_report
 
     folder = writable_directory(output)
     model = DualScattering(Fibre.preset("document"))
     with _progress(False) as progress:
         result = fit(model, 4, strands=(0, 1, 2, 4, 8), progress=progress)
     result.sampler.save(folder / "sampler.json")
+    model.fibre.save(folder / "fibre.toml")
+    write_text(folder / "fit.json", json.dumps(fit_summary(result), indent=2) + "\n")
     with _progress(False) as progress:
         report = check(result.sampler, model, progress=progress)
     tables = check_tables(report)
     recorder = Console(record=True, width=118, file=io.StringIO())
-    for table in tables:
-        recorder.print(table)
+    for listing in tables:
+        recorder.print(listing)
     write_text(folder / "check.txt", recorder.export_text())
     write_text(folder / "check.json", json.dumps(report.to_dict(), indent=2, allow_nan=False) + "\n")
     write_bytes(folder / "densities.png", densities_figure(result.sampler, model))
+    with _progress(False) as progress:
+        reproduced = document(model, printed=Printed.find(), lobes=result, name="document", progress=progress)
+        reproduced.save(folder, progress=progress)
+    page = write_report(folder)
     out.print(fit_table(result))
-    for table in tables:
-        out.print(table)
+    for listing in tables:
+        out.print(listing)
     uniform = [measure(UniformSphere(), model.with_strands(n), 0.0).ess for n in result.sampler.strands]
     out.print(
         "ESS 1 would be a perfect match: a sample is then worth as much as one drawn from f·cos itself; 1/ESS is how many"
         f" times more samples equal noise takes. A uniform sphere has {', '.join(f'{e:.3f}' for e in uniform)} here, at"
         " theta_r 0°.\n"
         f"sampler  {folder / 'sampler.json'}\ncheck    {folder / 'check.txt'}, {folder / 'check.json'}\n"
-        f"picture  {folder / 'densities.png'}: f·cos beside the fitted pdf, seven viewers, direct and through two strands",
+        f"picture  {folder / 'densities.png'}: f·cos beside the fitted pdf, seven viewers, direct and through two strands\n"
+        f"report   {page}: all of this, and the draft's tables, functions, figures and claims",
         soft_wrap=True,
     )
     if not report.ok:
@@ -251,57 +305,6 @@ def fit_summary(result: Fit) -> dict[str, Any]:
         "largest_weight": result.largest_weight.round(6).tolist(),
         "candidates": [c._asdict() for c in result.candidates],
     }
-
-
-def ess_text(value: float) -> str:
-    """Return an ESS in four characters, so that nine viewers fit a terminal."""
-    return f"{value:.2f}" if value >= 0.9995 else f"{value:.3f}"[1:]
-
-
-def fit_table(result: Fit) -> Table:
-    """Return the table of ESS by strand count and viewer."""
-    caption = f"fitted in {result.seconds:.2f} s"
-    if result.candidates:
-        caption += f"; {result.sampler.lobes} lobes: the fewest past which ESS per cost of a traced sample stops growing"
-    table = _table(f"ESS: {result.form}, {result.sampler.lobes} lobes, objective {result.objective}", caption=caption)
-    table.add_column("strands", justify="right")
-    for t in np.degrees(result.theta_r):
-        table.add_column(f"{t:.0f}°", justify="right")
-    table.add_column("worst channel" if result.ess_channels.shape[2] > 1 else "largest weight", justify="right")
-    for n, row, channels, weights in zip(
-        result.sampler.strands, result.ess, result.ess_channels, result.largest_weight, strict=True
-    ):
-        last = ess_text(channels.min()) if channels.shape[1] > 1 else f"{weights.max():.3g}"
-        table.add_row(f"{n:g}", *map(ess_text, row), last)
-    return table
-
-
-def check_tables(report: Report) -> list[Table]:
-    """Return the verdicts, the controls and the cases as tables."""
-    verdicts = _table(f"Verdicts: {len(report.cases)} cases of {report.samples:,} samples")
-    for column in ("", "claim", "worst", "limit", "where", "what it means"):
-        verdicts.add_column(column)
-    for v in report.verdicts:
-        mark = "[green]pass[/]" if v.passed else "[red]FAIL[/]"
-        verdicts.add_row(mark, v.name, f"{v.value:.2g}", f"{v.limit:.2g}", v.where, v.meaning)
-    cases = _table("ESS by viewer and strands, largest weight f·cos/(p ∫ f·cos), TV distance (worst viewer)")
-    cases.add_column("strands", justify="right")
-    angles = list(dict.fromkeys(c.theta_r for c in report.cases))
-    for t in angles:
-        cases.add_column(f"{np.degrees(t):.3g}°", justify="right")
-    cases.add_column("weight", justify="right")
-    cases.add_column("TV", justify="right")
-    for n in dict.fromkeys(c.strands for c in report.cases):
-        row = [c for c in report.cases if c.strands == n]
-        worst = f"{max(c.largest_weight for c in row):.3g}", f"{max(c.total_variation for c in row):.3f}"
-        cases.add_row(f"{n:g}", *(ess_text(c.ess) for c in row), *worst)
-    controls = _table("Negative controls: samplers broken on purpose")
-    for column in ("strands", "control", "caught", "evidence"):
-        controls.add_column(column)
-    for c in report.controls:
-        caught = "yes" if c.caught else "NO" if c.applies else "hardly a change"
-        controls.add_row(f"{c.strands:g}", c.name, caught, c.evidence)
-    return [cases, controls, verdicts]
 
 
 # The base of what Typer raises for a wrong command line: Click's own class, or the copy that newer Typer carries.

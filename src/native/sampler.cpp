@@ -3,6 +3,7 @@
 #include "arrays.h"
 #include "bindings.h"
 
+#include <chrono>
 #include <cmath>
 #include <cstdint>
 #include <mutex>
@@ -13,6 +14,36 @@ namespace native {
 namespace {
 
 enum class Coordinate { theta, phi };
+
+// Time of body(i) for i < count, a call.
+template <class Body> double nanoseconds(std::size_t count, const Body &body) {
+    using Clock = std::chrono::steady_clock;
+    volatile double sink = 0;  // the work must not be optimised away
+    const auto start = Clock::now();
+    double sum = 0;
+    for (std::size_t i = 0; i < count; ++i) sum += static_cast<double>(body(i));
+    sink = sum;
+    (void)sink;
+    return std::chrono::duration<double, std::nano>(Clock::now() - start).count() / static_cast<double>(count);
+}
+
+// The calibration kernel: 16 independent expf calls on varying inputs.
+double kernel_cost(const In<float> &x) {
+    const std::size_t count = x.size() - 16;
+    return nanoseconds(count, [&](std::size_t i) {
+        float sum = 0;
+        for (std::size_t k = 0; k < 16; ++k) sum += std::exp(x.data()[i + k] - x.data()[i]);
+        return sum;
+    });
+}
+
+// A direction on the uniform sphere with its pdf.
+double uniform_cost(const In<float> &u) {
+    return nanoseconds(u.size() / 3, [&](std::size_t i) {
+        const float *r = u.data() + 3 * i;
+        return std::asin(2 * r[1] - 1) + cuticle::pi<float> * (2 * r[2] - 1) + .0795774715f;
+    });
+}
 
 // A table of K lobes: K is one of the sizes compiled below, the caller pads with lobes of weight 0.
 template <class Float, int K> struct Table {
@@ -65,6 +96,16 @@ template <class Float, int K> struct Table {
         });
     }
 
+    // Nanoseconds a sample with its pdf takes, on this thread: theta_r, u as in sample, one number of strands.
+    double sample_cost(const In<Float> &theta_r, const In<Float> &u, Float n) const {
+        const std::size_t count = theta_r.size();
+        return nanoseconds(count, [&](std::size_t i) {
+            const Float *r = u.data() + 3 * i;
+            const auto s = cuticle::prepare(view, theta_r.data()[i], n).sample(r[0], r[1], r[2]);
+            return s.theta_i + s.phi + s.pdf;
+        });
+    }
+
     // One lobe's cdf or its inverse; `second` asks for the lobes of the other row between 0 and 1 strands.
     void lobe(int coordinate, bool inverse, int k, bool second, const In<Float> &x, const In<Float> &theta_r,
               const In<Float> &n, Out<Float> out) const {
@@ -101,6 +142,7 @@ template <class Float, int K> void bind(nb::module_ &m, const char *name) {
         .def(nb::init<const In<double> &, const In<double> &, const In<double> &, bool>())
         .def("pdf", &T::pdf, release())
         .def("sample", &T::sample, release())
+        .def("sample_cost", &T::sample_cost, release())
         .def("lobe", &T::lobe, release())
         .def("mixture", &T::mixture, release());
 }
@@ -177,6 +219,8 @@ void bind_sampler(nb::module_ &m) {
     bind<double, 8>(m, "Table8d");
     bind<double, 16>(m, "Table16d");
     bind<double, 32>(m, "Table32d");
+    m.def("kernel_cost", &kernel_cost, nb::call_guard<nb::gil_scoped_release>());
+    m.def("uniform_cost", &uniform_cost, nb::call_guard<nb::gil_scoped_release>());
     m.def("histogram", &histogram<float>, nb::arg().noconvert(), nb::arg().noconvert(), nb::arg(), nb::arg(), nb::arg(),
           nb::call_guard<nb::gil_scoped_release>());
     m.def("histogram", &histogram<double>, nb::arg().noconvert(), nb::arg().noconvert(), nb::arg(), nb::arg(), nb::arg(),

@@ -1,0 +1,281 @@
+"""The draft description's tables, general functions, claims and open comparison, for any fibre."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cuticle.combine import combine, mixed_ess
+from cuticle.cost import UNIFORM, measure_costs
+from cuticle.document import claims as judge
+from cuticle.document.claims import Claim
+from cuticle.document.functions import Choice, Found, find_form, find_functions
+from cuticle.document.gaussians import Gaussian, fit_gaussian
+from cuticle.document.plain import plain
+from cuticle.document.printed import Printed
+from cuticle.document.tables import (
+    PeakRow,
+    SliceRow,
+    StrandRow,
+    highlight_axis,
+    table_1,
+    table_2,
+    table_3,
+)
+from cuticle.fibre import Fibre
+from cuticle.files import writable_directory, write_bytes, write_text
+from cuticle.fit import Fit, fit
+from cuticle.models import DualScattering
+from cuticle.quality import UniformSphere, measure
+
+__all__ = [
+    "Choice",
+    "Claim",
+    "Document",
+    "Found",
+    "Gaussian",
+    "Mixing",
+    "PeakRow",
+    "Printed",
+    "SliceRow",
+    "StrandRow",
+    "document",
+    "find_form",
+    "find_functions",
+    "fit_gaussian",
+    "highlight_axis",
+    "table_1",
+    "table_2",
+    "table_3",
+]
+
+LOBES = 4
+COUNTS = (0.0, 1.0, 2.0, 4.0, 8.0)  # that samplers are fitted for
+SHARES = (0.0, 0.1, 0.25, 0.5, 0.75, 0.9, 1.0)
+WEIGHTS = (0.1, 0.25, 0.5, 0.75, 0.9)
+KNOWN_STRANDS = 2.0
+_VIEWERS = np.radians([-60.0, -30.0, 0.0, 30.0, 60.0])
+_MIX_VIEWERS = np.radians([-60.0, 0.0, 60.0])
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Mixing:
+    """What a weight of the combined PDFs costs where a share v of directions is directly lit.
+
+    `ess[i][j]` is the mean ESS over viewers at -60°, 0°, 60° for `shares[i]`, `weights[j]`; `best[i]` what no density
+    exceeds, since the light behind a direction is not known when it is drawn.
+    """
+
+    strands: float | None
+    shares: tuple[float, ...]
+    weights: tuple[float, ...]
+    ess: tuple[tuple[float, ...], ...]
+    best: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Document:
+    """The draft, reproduced and completed for one fibre.
+
+    Attributes
+    ----------
+    name
+        What the fibre is called.
+    model
+        The scattering function.
+    axis
+        Azimuth of its highlight, pi or 0.
+    table_1, table_2, table_3
+        As in the draft.
+    found
+        The general functions, or None where the draft's form does not suit the fibre; then `reason` says why.
+    claims
+        The draft's sentences, judged.
+    quality
+        [sampler][strands] -> mean "ess" and "total_variation" over viewers at 0°, ±30°, ±60°; samplers are "uniform",
+        "draft" (printed functions), "found" (those found here), "lobes".
+    fits
+        The fitted samplers by the same names.
+    mixing
+        The combined PDFs for two strands, and for an unknown number.
+    printed
+        The draft's own tables, where they are at hand.
+    """
+
+    name: str
+    model: DualScattering
+    axis: float
+    table_1: tuple[PeakRow, ...]
+    table_2: tuple[SliceRow, ...]
+    table_3: tuple[StrandRow, ...]
+    found: Found | None
+    reason: str
+    claims: tuple[Claim, ...]
+    quality: dict[str, dict[str, dict[str, float]]]
+    fits: dict[str, Fit]
+    mixing: tuple[Mixing, ...]
+    printed: Printed | None
+    printed_choices: dict[str, Choice] = field(default_factory=dict)
+    seconds: float = 0.0
+
+    def __repr__(self) -> str:
+        lines = [f"Document({self.name or self.model.fibre!r}, {self.model.formulation}, {self.seconds:.1f} s)"]
+        if self.found is not None:
+            for name, choice in self.found.choices.items():
+                lines.append(f"  {name} = {choice.best.text()}")
+        lines += [f"  {c.verdict}: {c.quote}" for c in self.claims]
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all of it as plain values, ours and printed: angles in degrees, deviations in radians."""
+        return plain(self)
+
+    def save(self, folder: str | os.PathLike[str], *, progress: Progress | None = None) -> Path:
+        """Write document.json and the figures, figures/NAME.svg and .png, into a folder; return the JSON's path.
+
+        Raises
+        ------
+        ValueError
+            The folder cannot be written to.
+        """
+        from cuticle.document.figures import figures, image  # Matplotlib takes a second to import
+
+        report = progress or (lambda phase, fraction: None)
+        target = writable_directory(Path(folder) / "figures").parent
+        drawn = figures(self)
+        entries = {}
+        for i, (name, (figure, words)) in enumerate(drawn.items()):
+            report(f"drawing {name}", i / len(drawn))
+            for kind in ("svg", "png"):
+                write_bytes(target / "figures" / f"{name}.{kind}", image(figure, kind))
+            entries[name] = {"file": f"figures/{name}.svg", **words}
+        data = self.to_dict() | {"figures": entries}
+        return write_text(target / "document.json", json.dumps(data, indent=1, allow_nan=False) + "\n")
+
+
+def document(
+    fibre: str | Fibre | DualScattering = "document",
+    *,
+    printed: Printed | None = None,
+    lobes: Fit | None = None,
+    name: str = "",
+    progress: Progress | None = None,
+) -> Document:
+    """Reproduce and complete the draft description for a fibre.
+
+    Parameters
+    ----------
+    fibre
+        A preset's name, a fibre, or a model of one.
+    printed
+        The draft's tables to compare with, from `Printed.load`; they belong to the `document` fibre.
+    lobes
+        A fit of lobes to this model that covers 0, 1, 2, 4 and 8 strands, to compare with; four lobes are fitted if left
+        out.
+    name
+        What to call the fibre; a preset's own name if left out.
+    progress
+        Called with a phase and a fraction from 0 to 1.
+
+    Examples
+    --------
+    >>> import cuticle
+    >>> d = cuticle.document("document")
+    >>> d.found.functions.mu_H.terms[1].theta
+    'θ'
+    """
+    report = progress or (lambda phase, fraction: None)
+    start = time.perf_counter()
+    if isinstance(fibre, str):
+        name = name or fibre
+        fibre = Fibre.preset(fibre)
+    if not isinstance(fibre, (Fibre, DualScattering)):
+        raise TypeError(f"fibre must be a preset's name, a Fibre or a DualScattering model, got {type(fibre).__name__}")
+    model = DualScattering(fibre) if isinstance(fibre, Fibre) else fibre.with_strands(0.0)
+    if lobes is not None and lobes.sampler.strands != COUNTS:
+        counts = ", ".join(f"{n:g}" for n in lobes.sampler.strands)
+        raise ValueError(f"lobes must cover the strand counts 0, 1, 2, 4, 8; got {counts}; fit with those counts")
+    report("tables", 0.02)
+    axis = highlight_axis(model)
+    one = table_1(model)
+    report("tables", 0.1)
+    two = table_2(model, axis=axis)
+    three = table_3(model)
+    report("functions", 0.2)
+    found, reason = None, ""
+    try:
+        found = find_functions(two, three, axis)
+    except ValueError as error:
+        reason = str(error)
+    report("samplers", 0.3)
+    fits = {"draft": fit(model, form="document", strands=COUNTS)}
+    if found is not None:
+        fits["found"] = fit(model, form="document", strands=COUNTS, functions=found.functions)
+    fits["lobes"] = fit(model, LOBES, strands=COUNTS) if lobes is None else lobes
+    report("comparison", 0.6)
+    quality = _quality(model, fits)
+    report("costs", 0.75)
+    costs = measure_costs({name: (f.sampler, 0.0) for name, f in fits.items()})
+    costs["uniform"] = costs.pop(UNIFORM)
+    report("claims", 0.8)
+    claims = (
+        judge.shift_claim(two),
+        judge.width_claim(two),
+        judge.turning_claim(one),
+        judge.azimuth_claim(model, COUNTS[1:]),
+        judge.match_claim(quality),
+        judge.uniform_claim(quality, costs),
+    )
+    report("combining", 0.85)
+    mixing = tuple(_mixing(model, fits["lobes"], n) for n in (KNOWN_STRANDS, None))
+    report("done", 1.0)
+    return Document(
+        name=name,
+        model=model,
+        axis=axis,
+        table_1=one,
+        table_2=two,
+        table_3=three,
+        found=found,
+        reason=reason,
+        claims=claims,
+        quality=quality,
+        fits=fits,
+        mixing=mixing,
+        printed=printed,
+        printed_choices=printed.choices() if printed is not None else {},
+        seconds=time.perf_counter() - start,
+    )
+
+
+def _quality(model: DualScattering, fits: dict[str, Fit]) -> dict[str, dict[str, dict[str, float]]]:
+    quality: dict[str, dict[str, dict[str, float]]] = {}
+    samplers = {"uniform": UniformSphere(), **{name: f.sampler for name, f in fits.items()}}
+    for name, sampler in samplers.items():
+        quality[name] = {}
+        for n in COUNTS:
+            found = [measure(sampler, model.with_strands(n), float(t), n) for t in _VIEWERS]  # type: ignore[arg-type]
+            quality[name][f"{n:g}"] = {
+                "ess": float(np.mean([q.ess for q in found])),
+                "total_variation": float(np.mean([q.total_variation for q in found])),
+            }
+    return quality
+
+
+def _mixing(model: DualScattering, lobes: Fit, strands: float | None) -> Mixing:
+    others = [model.with_strands(n) for n in ([strands] if strands is not None else COUNTS[1:])]
+    table, best = [], []
+    combined = [combine(lobes.sampler, lobes.sampler, w, strands=strands) for w in WEIGHTS]
+    for share in SHARES:
+        cells = [[mixed_ess(c, model, others, share, float(t)) for t in _MIX_VIEWERS] for c in combined]  # type: ignore[arg-type]
+        table.append(tuple(float(np.mean([ess for ess, _ in row])) for row in cells))
+        best.append(float(np.mean([limit for _, limit in cells[0]])))
+    return Mixing(strands, SHARES, WEIGHTS, tuple(table), tuple(best))

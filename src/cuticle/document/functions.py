@@ -13,7 +13,16 @@ from scipy.optimize import minimize_scalar
 from cuticle.document.tables import USED, SliceRow, StrandRow
 from cuticle.fit.document import STRANDS, THETA, ClosedForm, DocumentFunctions, Term
 
-_EVEN = (("1",), ("1", "θ²"), ("1", "θ⁴"), ("1", "θ⁶"), ("1", "θ²", "θ⁴"), ("1", "sin²θ"), ("1", "sin⁴θ"), ("1", "sin²θ", "sin⁴θ"))
+_EVEN = (
+    ("1",),
+    ("1", "θ²"),
+    ("1", "θ⁴"),
+    ("1", "θ⁶"),
+    ("1", "θ²", "θ⁴"),
+    ("1", "sin²θ"),
+    ("1", "sin⁴θ"),
+    ("1", "sin²θ", "sin⁴θ"),
+)
 _ODD = ((), ("θ",), ("θ³",), ("θ", "θ³"), ("θ", "θ³", "θ⁵"), ("sin θ",), ("sin 2θ",), ("sin θ", "sin 2θ"))
 _RANGE = {"n^p": (-2.0, 0.99), "n/(n+c)": (0.05, 50.0)}  # of p and of c
 INDISTINCT = 2.0  # a difference of the criterion that is no evidence (Burnham and Anderson 2002, 2.6)
@@ -81,9 +90,7 @@ def find_form(
     return Choice(best, tuple([f[3] for f in found if f[3] is not best][:runners_up]))
 
 
-def _least_squares(
-    terms: tuple[tuple[str, str], ...], theta_r: NDArray, n: NDArray, values: NDArray
-) -> ClosedForm | None:
+def _least_squares(terms: tuple[tuple[str, str], ...], theta_r: NDArray, n: NDArray, values: NDArray) -> ClosedForm | None:
     kind = next((h for _, h in terms if h in _RANGE), None)
     parameters = len(terms) + (kind is not None)
     spare = len(values) - parameters - 2  # with the variance

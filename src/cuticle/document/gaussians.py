@@ -11,7 +11,7 @@ from scipy.optimize import curve_fit
 
 Curve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 WINDOW = 1 / 3  # of the peak: a Gaussian is matched to the highlight, not to the floor around it
-HOLDS = 0.1  # rms residual over the peak, past which a Gaussian is no description
+HOLDS = 0.06  # rms residual over the peak, past which a Gaussian is no description
 _COARSE, _FINE = 721, 241
 
 

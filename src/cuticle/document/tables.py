@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cuticle.distribution import luminance, tabulate
 from cuticle.document.gaussians import HOLDS, Curve, Gaussian, fit_gaussian
@@ -51,7 +51,7 @@ class SliceRow:
 
     @property
     def holds(self) -> bool:
-        """Whether both Gaussians describe their slice: rms residual at most a tenth of the peak."""
+        """Whether both Gaussians describe their slice: rms residual at most 6 % of the peak."""
         return all(g is not None and g.residual <= HOLDS for g in (self.vertical, self.horizontal))
 
 
@@ -106,15 +106,25 @@ def around(model: Bcsdf, theta_r: float) -> Curve:
 def table_1(model: Bcsdf, theta_r: Sequence[float] = THETA_R_1, phi_r: Sequence[float] = PHI_R) -> tuple[PeakRow, ...]:
     """Return the position of the maximum for each viewer; arguments in degrees.
 
-    f depends on phi_i - phi_r alone, so each theta_r is searched once for phi_r = 0 and turned.
+    Every viewer is searched over all directions, as the draft did.
     """
     rows = []
-    peaks = {t: tabulate(model, near_pole(t), n_theta=720, n_phi=720).peak for t in theta_r}
-    for p in phi_r:
+    for p in np.radians(phi_r):
         for t in theta_r:
-            turned = [_wrap(math.radians(p) + sign * peaks[t].phi) for sign in (1, -1)]
-            rows.append(PeakRow(math.radians(p), math.radians(t), peaks[t].theta_i, *turned))
+            peak = tabulate(_Turned(model, float(p)), near_pole(t), n_theta=360, n_phi=720).peak
+            mirror = _wrap(2 * float(p) - peak.phi)
+            rows.append(PeakRow(float(p), math.radians(t), peak.theta_i, peak.phi, mirror))
     return tuple(rows)
+
+
+class _Turned:
+    """A model seen by a viewer at azimuth phi_r: phi is then the light's own azimuth."""
+
+    def __init__(self, model: Bcsdf, phi_r: float) -> None:
+        self._model, self._phi_r = model, phi_r
+
+    def eval(self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike) -> NDArray[np.float64]:
+        return self._model.eval(theta_i, theta_r, np.asarray(phi) - self._phi_r)
 
 
 def table_2(model: Bcsdf, theta_r: Sequence[float] = THETA_R_2, axis: float | None = None) -> tuple[SliceRow, ...]:

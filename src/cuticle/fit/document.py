@@ -97,7 +97,7 @@ class ClosedForm:
 
     def text(self, *, degrees: bool = False) -> str:
         """Return it as people write it, θ in radians, the value in radians or degrees."""
-        parts = []
+        parts: list[str] = []
         for term in self.terms:
             factor = term.strands.replace("n^p", f"n^{self.parameter:.3g}").replace("+c)", f"+{self.parameter:.3g})")
             names = [x for x in ("" if term.theta == "1" else term.theta, factor) if x]
@@ -109,7 +109,7 @@ class ClosedForm:
 
     def code(self) -> str:
         """Return it as an expression in t = theta_r and n for C or a shader, all in radians."""
-        parts = []
+        parts: list[str] = []
         for term in self.terms:
             factors = [f"{term.coefficient:.6g}" if "." in f"{term.coefficient:.6g}" else f"{term.coefficient:.1f}"]
             if "e" in factors[0]:

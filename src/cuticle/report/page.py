@@ -1,0 +1,367 @@
+"""The report: one self-contained HTML file from the results of fit, check and document that lie in a folder."""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import platform
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+
+from cuticle.files import read_text, write_text
+from cuticle.version import __version__
+
+RESULTS = {
+    "fit.json": "cuticle fit PRESET|FILE.toml -o DIR",
+    "check.json": "cuticle check DIR -o DIR/check.json",
+    "document.json": "cuticle document PRESET|FILE.toml -o DIR",
+}
+LIMIT = 5_000_000  # bytes of the page
+_MINUS = "\N{MINUS SIGN}"
+
+
+def write_report(folder: str | os.PathLike[str]) -> Path:
+    """Write DIR/report.html from what `fit`, `check` and `document` left in DIR, and return its path.
+
+    The page needs no network and no other file. What is missing is named on it, with the command that makes it.
+
+    Raises
+    ------
+    ValueError
+        The folder holds no result, or one that cannot be read, or the page would pass 5 MB.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise ValueError(f"{folder} is no folder; give the one that `cuticle fit -o` or `cuticle document -o` wrote to")
+    found = {name: _read(folder / name) for name in RESULTS if (folder / name).exists()}
+    if not found:
+        raise ValueError(f"{folder} holds none of {', '.join(RESULTS)}; make one with `{RESULTS['document.json']}`")
+    views: dict[str, Callable[[Any, Path], dict[str, Any]]] = {
+        "fit.json": _fit_view,
+        "check.json": _check_view,
+        "document.json": _document_view,
+    }
+    page: dict[str, Any] = {name.removesuffix(".json"): None for name in RESULTS}
+    for name, data in found.items():
+        try:
+            page[name.removesuffix(".json")] = views[name](data, folder)
+        except (KeyError, TypeError, AttributeError, IndexError) as error:
+            raise ValueError(f"{folder / name} is not what `{RESULTS[name]}` writes: {error!r}; make it again") from None
+    page["name"] = (found.get("document.json") or {}).get("name") or ""
+    page["missing"] = [{"name": n, "command": c.replace("DIR", str(folder))} for n, c in RESULTS.items() if n not in found]
+    page["densities"] = _densities(folder)
+    page["fibre"] = _fibre_rows(_fibre(found, folder))
+    page["versions"] = [
+        ("Cuticle", __version__),
+        ("Python", platform.python_version()),
+        ("NumPy", np.__version__),
+        ("machine", f"{platform.system()} {platform.machine()}"),
+    ]
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("cuticle.report"), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True,
+        lstrip_blocks=True,
+    )  # fmt: skip
+    html = environment.get_template("report.html.j2").render(page)
+    if len(html.encode()) > LIMIT:
+        raise ValueError(f"the report would have {len(html.encode()) / 1e6:.1f} MB, more than 5; draw smaller figures")
+    return write_text(folder / "report.html", html)
+
+
+def _read(path: Path) -> Any:
+    try:
+        data = json.loads(read_text(path, "result"))
+    except json.JSONDecodeError as error:
+        raise ValueError(f"cannot read result {path}: it is cut short or no JSON ({error})") from None
+    if not isinstance(data, dict):
+        raise ValueError(f"cannot read result {path}: it must hold one object")
+    return data
+
+
+def number(value: float | None, digits: int = 2, *, sign: bool = False) -> str:
+    """Return a number for reading: a true minus, a dash for none."""
+    if value is None:
+        return "–"
+    text = f"{value:+.{digits}f}" if sign else f"{value:.{digits}f}"
+    if float(text) == 0:
+        text = f"{0:.{digits}f}"
+    return text.replace("-", _MINUS)
+
+
+def _ess(value: float) -> dict[str, str]:
+    # The cell's shade says how good it is; the digits say it too.
+    grade = "good" if value >= 0.95 else "fair" if value >= 0.8 else "poor"
+    return {"text": f"{value:.3f}", "grade": grade}
+
+
+def _fit_view(data: dict[str, Any], _: Path) -> dict[str, Any]:
+    ess = np.array(data["ess"])
+    return {
+        "title": f"{data['lobes']} lobes, {data['form']}, objective {data['objective']}, fitted in {data['seconds']:.2f} s",
+        "theta_r": [f"{number(t, 0)}°" for t in data["theta_r_degrees"]],
+        "rows": [
+            {"strands": f"{n:g}", "cells": [_ess(x) for x in row], "weight": f"{max(w):.3g}"}
+            for n, row, w in zip(data["strands"], data["ess"], data["largest_weight"], strict=True)
+        ],
+        "mean": f"{ess.mean():.3f}",
+        "worst": f"{ess.min():.3f}",
+    }
+
+
+def _check_view(data: dict[str, Any], _: Path) -> dict[str, Any]:
+    return {
+        "ok": data["ok"],
+        "samples": f"{data['samples']:,}",
+        "cases": len(data["cases"]),
+        "verdicts": [
+            {
+                "passed": v["passed"],
+                "name": v["name"],
+                "value": "–" if v["value"] is None else f"{v['value']:.2g}",
+                "limit": f"{v['limit']:.2g}",
+                "where": v["where"],
+                "meaning": v["meaning"],
+            }
+            for v in data["verdicts"]
+        ],
+        "controls": [
+            {
+                "strands": f"{c['strands']:g}",
+                "name": c["name"],
+                "caught": "caught" if c["caught"] else "missed" if c["applies"] else "hardly a change",
+                "good": c["caught"] or not c["applies"],
+                "evidence": c["evidence"],
+            }
+            for c in data["controls"]
+        ],
+        "caught": f"{sum(c['caught'] for c in data['controls'])} of {len(data['controls'])}",
+    }
+
+
+_GRADE = {"holds": "good", "holds in part": "fair", "does not hold": "poor"}
+_NAMES = {
+    "sigma_V": ("σ_V", "direct, along ϕ"),
+    "sigma_H": ("σ_H", "direct, along θᵢ"),
+    "mu_H": ("μ_H", "direct, shift of the peak from −θᵣ"),
+    "sigma": ("σ", "through n strands, along θᵢ"),
+    "mu": ("μ", "through n strands, shift of the mean from −θᵣ"),
+}
+
+
+def _document_view(data: dict[str, Any], folder: Path) -> dict[str, Any]:
+    functions = data["functions"]
+    return {
+        "claims": [
+            {"quote": c["quote"], "verdict": c["verdict"], "grade": _GRADE[c["verdict"]], "finding": c["finding"]}
+            for c in data["claims"]
+        ],
+        "functions": None if functions is None else [_function(name, f) for name, f in functions.items()],
+        "from_printed": [_function(name, f) for name, f in (data["functions_from_printed"] or {}).items()],
+        "reason": data["no_functions_because"],
+        "shader": data["shader"],
+        "tables": [_table_1(data["table_1"]), _table_2(data["table_2"]), _table_3(data["table_3"])],
+        "mixing": [_mixing(m) for m in data["combined"]],
+        "quality": _quality(data["quality"]),
+        "figures": [
+            {
+                "name": name,
+                "title": f["title"],
+                "caption": f["caption"],
+                "alt": f["alt"],
+                "source": _image(folder / f["file"]),
+            }
+            for name, f in data["figures"].items()
+        ],
+        "seconds": f"{data['seconds']:.1f}",
+    }
+
+
+def _function(name: str, f: dict[str, Any]) -> dict[str, Any]:
+    symbol, meaning = _NAMES[name]
+    unit = 180 / np.pi if name.startswith("mu") else 1.0
+
+    def told(form: dict[str, Any]) -> dict[str, str]:
+        return {
+            "text": form["text"],
+            "rms": "–" if form["rms"] is None else f"{unit * form['rms']:.2g}{'°' if unit != 1 else ' rad'}",
+            "criterion": "–" if form["criterion"] is None else number(form["criterion"], 1),
+        }
+
+    best = told(f["best"])
+    return {"symbol": symbol, "meaning": meaning, "best": best, "others": [told(o) for o in f["runners_up"]]}
+
+
+def _cells(row: dict[str, Any], names: tuple[tuple[str, int], ...]) -> list[dict[str, str]]:
+    return [
+        {
+            "ours": number(row[name]["ours"], digits),
+            "printed": number(row[name]["printed"], digits),
+            "difference": number(row[name]["difference"], digits, sign=True),
+        }
+        for name, digits in names
+    ]
+
+
+def _table_1(table: dict[str, Any]) -> dict[str, Any]:
+    names = (("theta_i_deg", 1), ("phi_i_deg", 1))
+    r = table["rms_within_60_deg"]
+    return {
+        "title": "Table 1: where the distribution is largest",
+        "about": "Degrees. At θᵣ = ±90° the azimuth has no meaning, and f·cos no bound.",
+        "keys": ["ϕᵣ", "θᵣ"],
+        "columns": ["θᵢ", "ϕᵢ"],
+        "rows": [
+            {
+                "keys": [f"{number(x['phi_r_deg'], 0)}°", f"{number(x['theta_r_deg'], 0)}°"],
+                "cells": _cells(x, names),
+                "note": "",
+            }
+            for x in table["rows"]
+        ],
+        "printed": any(x["theta_i_deg"]["printed"] is not None for x in table["rows"]),
+        "rms": None
+        if r["theta_i_deg"] is None
+        else f"The rms difference within 60° is {number(r['theta_i_deg'])}° in θᵢ and {number(r['phi_i_deg'])}° in ϕᵢ.",
+        "notes": False,
+    }
+
+
+def _table_2(table: dict[str, Any]) -> dict[str, Any]:
+    names = (("s_V", 2), ("sigma_V", 3), ("shift_V_deg", 1), ("s_H", 2), ("sigma_H", 3), ("shift_H_deg", 1))
+    r = table["rms"]
+    return {
+        "title": "Table 2: Gaussians through the highlight, direct light",
+        "about": "σ in radians, shifts in degrees, s in units of f·cos times radians.",
+        "keys": ["θᵣ"],
+        "columns": ["s_V", "σ_V", "shift V", "s_H", "σ_H", "shift H"],
+        "rows": [
+            {
+                "keys": [f"{number(x['theta_r_deg'], 0)}°"],
+                "cells": _cells(x, names),
+                "note": _note(x["holds"], x["residual_V"], x["residual_H"]),
+            }
+            for x in table["rows"]
+        ],
+        "printed": any(x["sigma_V"]["printed"] is not None for x in table["rows"]),
+        "rms": None
+        if r["sigma_V"] is None
+        else f"The rms difference is {number(r['s_V'], 2)} in s_V, {number(r['sigma_V'], 3)} rad in σ_V,"
+        f" {number(r['s_H'], 2)} in s_H, {number(r['sigma_H'], 3)} rad in σ_H and"
+        f" {number(r['shift_H_deg'], 2)}° in the shift.",
+        "notes": True,
+    }
+
+
+def _table_3(table: dict[str, Any]) -> dict[str, Any]:
+    names = (("s", 4), ("sigma", 3), ("shift_deg", 1))
+    r = table["rms_within_60_deg"]
+    counts = [
+        f"n = {n}: {number(x['sigma'], 3)} rad, {number(x['shift_deg'], 1)}°"
+        for n, x in table["rms_by_strands"].items()
+        if x["sigma"] is not None
+    ]
+    return {
+        "title": "Table 3: one Gaussian through n strands",
+        "about": "Of the density of θᵢ over all azimuths, per radian. σ in radians, shift in degrees.",
+        "keys": ["n", "θᵣ"],
+        "columns": ["s", "σ", "shift"],
+        "rows": [
+            {
+                "keys": [f"{x['strands']:g}", f"{number(x['theta_r_deg'], 0)}°"],
+                "cells": _cells(x, names),
+                "note": _note(x["holds"], x["residual"]),
+            }
+            for x in table["rows"]
+        ],
+        "printed": any(x["sigma"]["printed"] is not None for x in table["rows"]),
+        "rms": None
+        if r["sigma"] is None
+        else f"Within 60° the rms difference is {number(r['s'], 2)} in s, {number(r['sigma'], 3)} rad in σ and"
+        f" {number(r['shift_deg'], 1)}° in the shift ({'; '.join(counts)}).",
+        "notes": True,
+    }
+
+
+def _note(holds: bool, *residuals: float | None) -> str:
+    if holds:
+        return ""
+    known = [100 * r for r in residuals if r is not None]
+    return f"no Gaussian: residual {max(known):.0f} % of the peak" if known else "no Gaussian: its peak lies on the edge"
+
+
+def _mixing(m: dict[str, Any]) -> dict[str, Any]:
+    rows = []
+    for share, row, best in zip(m["shares"], m["ess"], m["best_possible"], strict=True):
+        top = int(np.argmax(row))
+        cells = [{"text": f"{x:.3f}", "top": i == top} for i, x in enumerate(row)]
+        rows.append({"share": f"{share:g}", "cells": cells, "best": f"{best:.3f}"})
+    strands = m["strands"]
+    return {
+        "title": "None or an unknown number of strands (1, 2, 4, 8 alike)"
+        if strands is None
+        else f"None or {strands:g} strands",
+        "weights": [f"{w:g}" for w in m["weights"]],
+        "rows": rows,
+    }
+
+
+_SAMPLERS = {
+    "uniform": "uniform sphere",
+    "draft": "the draft's form, its printed numbers",
+    "found": "the draft's form, functions found here",
+    "lobes": "four fitted lobes",
+}
+
+
+def _quality(quality: dict[str, Any]) -> dict[str, Any]:
+    counts = list(quality["lobes"])
+    return {
+        "strands": counts,
+        "rows": [
+            {
+                "name": _SAMPLERS[name],
+                "cells": [_ess(row[n]["ess"]) | {"tv": f"{row[n]['total_variation']:.3f}"} for n in counts],
+            }
+            for name, row in quality.items()
+        ],
+    }
+
+
+def _image(path: Path) -> str:
+    kinds = {".svg": "image/svg+xml", ".png": "image/png"}
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise ValueError(f"cannot read figure {path}: {error.strerror or error}; run `cuticle document -o` again") from None
+    return f"data:{kinds[path.suffix]};base64,{base64.b64encode(data).decode()}"
+
+
+def _densities(folder: Path) -> str | None:
+    path = folder / "densities.png"
+    return _image(path) if path.is_file() else None
+
+
+def _fibre(found: dict[str, Any], folder: Path) -> dict[str, Any]:
+    if "document.json" in found:
+        return dict(found["document.json"].get("fibre") or {}) | {"formulation": found["document.json"].get("formulation")}
+    if (folder / "sampler.json").is_file():
+        return dict((_read(folder / "sampler.json").get("about") or {}).get("fibre") or {})
+    return {}
+
+
+_UNITS = {"alpha": "°", "beta": "°", "sigma": " per radius"}
+
+
+def _fibre_rows(fibre: dict[str, Any]) -> list[tuple[str, str]]:
+    rows = []
+    for name, value in fibre.items():
+        if value is None:
+            continue
+        values = value if isinstance(value, list) else [value]
+        unit = next((u for prefix, u in _UNITS.items() if name.startswith(prefix)), "")
+        rows.append((name, ", ".join(f"{v:g}" if isinstance(v, (int, float)) else str(v) for v in values) + unit))
+    return rows
