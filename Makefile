@@ -38,8 +38,16 @@ $(VENV)/.installed: $(NATIVE) | $(BIN)/python
 	$(PIP) install -C cmake.define.CUTICLE_NATIVE=ON -e .
 	@touch $@
 
+# The report is opened in a browser: Debian's is installed where that can be done, else the test says why it is skipped.
+BROWSER := chromium chromium-driver fonts-dejavu-core
 $(VENV)/.installed-test: $(VENV)/.installed
-	$(PIP) install 'hypothesis>=6' 'pytest>=8'
+	$(PIP) install 'hypothesis>=6' 'pytest>=8' 'selenium>=4.20'
+	@if command -v chromium >/dev/null && command -v chromedriver >/dev/null; then :; \
+	elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+		echo "installing $(BROWSER) for the report's test"; \
+		{ apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $(BROWSER); } \
+			>/dev/null 2>&1 || echo "could not install a browser: the report's browser test will be skipped"; \
+	else echo "no chromium here: the report's browser test will be skipped"; fi
 	@touch $@
 
 $(VENV)/.installed-lint: $(VENV)/.installed

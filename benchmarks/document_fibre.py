@@ -1,47 +1,31 @@
-"""Which fibre did the draft use, and what functions run through its table for n strands?
+"""Which fibre did the draft use, and what line and parabola run through its table for n strands?
 
-Compares the `document` preset with the draft's table 2 (deviation of the Gaussians along phi and theta_i through the
-peak, and the peak's shift), looks for a better fibre by least squares, and fits the line and the parabola of
-`cuticle.fit.document.multiple` to table 3. Prints every residual. Reads table2.csv and table3.csv from
-$CUTICLE_DATA/document.
+Compares the `document` preset with the draft's table 2 (Gaussians along phi and theta_i through the highlight), looks for a
+better fibre by least squares, and fits the two forms of `cuticle.fit.DRAFT` for n strands to table 3. Prints every
+residual. Reads the printed tables from $CUTICLE_DATA/document.
 """
 
 from __future__ import annotations
 
-import os
 import sys
-from pathlib import Path
 
 import numpy as np
-from scipy.optimize import curve_fit, least_squares
+from scipy.optimize import least_squares
 
 import cuticle
+from cuticle.document import Printed, fit_form, table_2
 
-DATA = Path(os.environ.get("CUTICLE_DATA", "../shared/data")) / "document"
 NAMES = ("alpha_R", "alpha_TT", "beta_R", "beta_TT", "sigma_a", "beta_N")
-WINDOW = 1 / 3  # the draft matched its Gaussians to the highlight, not to the floor of backscatter around it
 SIGMA_UNIT, SHIFT_UNIT = 0.05, 1.0  # a residual of 1: 0.05 rad of deviation, 1 degree of shift
-
-
-def gaussian(x: np.ndarray, s: float, mu: float, sigma: float) -> np.ndarray:
-    return s * np.exp(-0.5 * ((x - mu) / sigma) ** 2)
 
 
 def slices(fibre: cuticle.Fibre, degrees: np.ndarray) -> np.ndarray:
     """Return sigma_V, sigma_H (radians) and the shift of the peak from -theta_r (degrees), one row a theta_r."""
-    model = cuticle.DualScattering(fibre)
-    theta = np.radians(np.linspace(-89.75, 89.75, 360))
-    phi = np.radians(np.linspace(0.5, 359.5, 360))
     rows = []
-    for t in np.radians(degrees):
-        along = model.eval(theta, t, np.pi)[:, 0] * np.cos(theta)
-        peak = theta[np.argmax(along)]
-        near = along > WINDOW * along.max()
-        _, mu, sigma_h = curve_fit(gaussian, theta[near], along[near], p0=(along.max(), peak, 0.3))[0]
-        around = model.eval(peak, t, phi)[:, 0] * np.cos(peak)
-        near = around > WINDOW * around.max()
-        sigma_v = curve_fit(lambda x, s, w: gaussian(x, s, np.pi, w), phi[near], around[near], p0=(around.max(), 0.7))[0][1]
-        rows.append((abs(sigma_v), abs(sigma_h), np.degrees(mu + t)))
+    for r in table_2(cuticle.DualScattering(fibre), degrees, axis=np.pi):
+        if r.vertical is None or r.horizontal is None or r.shift is None:
+            raise ValueError(f"no Gaussian at theta_r {np.degrees(r.theta_r):.0f}°")
+        rows.append((r.vertical.sigma, r.horizontal.sigma, np.degrees(r.shift)))
     return np.array(rows)
 
 
@@ -59,17 +43,17 @@ def tell(name: str, fibre: cuticle.Fibre, degrees: np.ndarray, printed: np.ndarr
 
 
 def main() -> None:
-    if not (DATA / "table2.csv").exists():
-        sys.exit(f"no table2.csv in {DATA}; set CUTICLE_DATA")
-    table = np.genfromtxt(DATA / "table2.csv", delimiter=",", names=True)
-    degrees = table["theta_r_deg"]
-    printed = np.column_stack([table["sigma_V_rad"], table["sigma_H_rad"], table["mu_shift_H_deg"]])
+    tables = Printed.find()
+    if tables is None:
+        sys.exit("the draft's tables are not at hand; set CUTICLE_DATA")
+    degrees = np.array([key[0] for key in tables.table_2])
+    printed = np.array([(v[1], v[4], v[5]) for v in tables.table_2.values()])
     units = np.array([SIGMA_UNIT, SIGMA_UNIT, SHIFT_UNIT])
 
     def residuals(values: np.ndarray) -> np.ndarray:
         try:
             return ((slices(make(values), degrees) - printed) / units).ravel()
-        except (RuntimeError, ValueError):  # no sum of multiple scattering, or no peak: far from any fit
+        except ValueError:  # no sum of multiple scattering, or no peak: far from any fit
             return np.full(printed.size, 30.0)
 
     start = np.array([3.2, -1.24, 15.6, 7.7, 0.42, 4.0])
@@ -77,21 +61,17 @@ def main() -> None:
     fit = least_squares(residuals, start, diff_step=0.02, x_scale=np.abs(start), bounds=bounds)
     print("least squares:", ", ".join(f"{n} {v:.3f}" for n, v in zip(NAMES, fit.x, strict=True)))
     tell("the preset", cuticle.Fibre.preset("document"), degrees, printed)
-    tell("least squares, alpha_R and beta_R at their bounds", make(fit.x), degrees, printed)
+    tell("least squares", make(fit.x), degrees, printed)
 
-    table = np.genfromtxt(DATA / "table3.csv", delimiter=",", names=True)
-    table = table[np.abs(table["theta_r_deg"]) <= 60]
-    t, octave = np.radians(table["theta_r_deg"]), np.log2(table["strands"])
-    ones = np.ones_like(t)
-    # The table's shift has the sign of theta_r; the peak lies at -theta_r plus what it has moved back.
-    shift, *_ = np.linalg.lstsq(np.column_stack([t, t * octave, ones]), np.radians(table["mu_shift_deg"]), rcond=None)
-    width, *_ = np.linalg.lstsq(np.column_stack([ones, octave, t**2]), table["sigma_rad"], rcond=None)
-    rms_shift = np.degrees(
-        np.sqrt(np.mean((np.column_stack([t, t * octave, ones]) @ shift - np.radians(table["mu_shift_deg"])) ** 2))
-    )
-    rms_width = np.sqrt(np.mean((np.column_stack([ones, octave, t**2]) @ width - table["sigma_rad"]) ** 2))
-    print(f"table 3: slope {shift[0]:.4f} + {shift[1]:.4f} log2 n, offset {np.degrees(shift[2]):.2f}°, rms {rms_shift:.2f}°")
-    print(f"         sigma {width[0]:.4f} + {width[1]:.4f} log2 n + {width[2]:.4f} theta_r², rms {rms_width:.4f}")
+    inner = [(*k, *v) for k, v in tables.table_3.items() if abs(k[1]) <= 60]
+    n, theta_r, _, sigma, shift = np.array(inner).T
+    for name, values, terms in (
+        ("mu", np.radians(shift), (("θ", ""), ("θ", "log₂n"), ("1", ""))),
+        ("sigma", sigma, (("1", ""), ("1", "log₂n"), ("θ²", ""))),
+    ):
+        form = fit_form(terms, np.radians(theta_r), values, n)
+        assert form is not None
+        print(f"table 3: {name} = {form.text()}, rms {form.rms:.4f} rad ({np.degrees(form.rms):.2f}°)")
 
 
 if __name__ == "__main__":

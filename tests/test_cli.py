@@ -151,3 +151,50 @@ def test_a_failed_write_leaves_no_half_file(tmp_path: Path) -> None:
         write_text(tmp_path / "taken", "text")
     assert [p.name for p in tmp_path.iterdir()] == ["taken"]
     assert not list((tmp_path / "taken").iterdir())
+
+
+@pytest.fixture(scope="module")
+def documented(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("document")
+    cuticle.Fibre(alpha_R=-3, beta_R=8, sigma_a=(0.2, 0.3, 0.8), beta_N=15).save(folder / "mine.toml")
+    done = run("document", "mine.toml", "-o", "out", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert "Table 3" in done.stdout
+    assert "float sigma_V = " in done.stdout
+    return folder
+
+
+def test_document_and_report_of_a_fibre_of_ones_own(documented: Path) -> None:
+    data = json.loads((documented / "out" / "document.json").read_text())
+    assert data["name"] == "mine"
+    assert data["fibre"]["sigma_a"] == [0.2, 0.3, 0.8]
+    assert all(r["theta_i_deg"]["printed"] is None for r in data["table_1"]["rows"])  # those are of another fibre
+    for figure in data["figures"].values():
+        for kind in (".svg", ".png"):
+            assert (documented / "out" / figure["file"]).with_suffix(kind).stat().st_size > 10_000
+    done = run("report", "out", cwd=documented)
+    assert done.returncode == 0, done.stderr
+    assert "The fibre “mine”" in (documented / "out" / "report.html").read_text(encoding="utf-8")
+
+
+def test_document_prints_json_with_the_printed_tables(data: Path, tmp_path: Path) -> None:
+    done = run("document", "--json", "--printed", str(data / "document"), cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found["table_2"]["rms"]["sigma_H"] < 0.03
+    assert found["functions_from_printed"]["mu_H"]["best"]["code"].startswith("-0.038")
+    assert list(tmp_path.iterdir()) == []  # nothing written unless asked
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("document", "nobody"), "fibre must be a preset"),
+        (("document", "--printed", "nowhere"), "table1.csv is missing"),
+        (("report", "nowhere"), "is no folder"),
+        (("report", "."), "holds none of fit.json, check.json, document.json"),
+        (("report",), "Missing argument"),
+    ],
+)
+def test_document_and_report_refuse_bad_input(arguments: tuple[str, ...], words: str, tmp_path: Path) -> None:
+    refused(*arguments, words=words, cwd=tmp_path)

@@ -201,6 +201,10 @@ def document_command(
         print(json.dumps(result.to_dict(), indent=2, allow_nan=False))
         return
     _tell_document(result)
+    if fibre == "document" and tables is None:
+        out.print(
+            "The draft's own tables are not at hand: --printed DIR (or $CUTICLE_DATA) compares with them.", soft_wrap=True
+        )
     if output is not None:
         out.print(f"wrote {output / 'document.json'} and {output / 'figures'}", soft_wrap=True)
 

@@ -83,7 +83,7 @@ def document_tables(plain: dict[str, Any]) -> list[Table]:
         if row["holds"]:
             return ""
         known = [100 * row[n] for n in names if row[n] is not None]
-        return f"no Gaussian, residual {max(known):.0f} %" if known else "no Gaussian, peak on the edge"
+        return f"no Gaussian, residual {max(known):.1f} %" if known else "no Gaussian, peak on the edge"
 
     def rms(cells: dict[str, float | None]) -> str:
         known = ", ".join(f"{k} {v:.3g}" for k, v in cells.items() if v is not None)

@@ -16,7 +16,7 @@ from cuticle.combine import combine, mixed_ess
 from cuticle.cost import UNIFORM, measure_costs
 from cuticle.document import claims as judge
 from cuticle.document.claims import Claim
-from cuticle.document.functions import Choice, Found, find_form, find_functions
+from cuticle.document.functions import Choice, Found, find_form, find_functions, fit_form
 from cuticle.document.gaussians import Gaussian, fit_gaussian
 from cuticle.document.plain import plain
 from cuticle.document.printed import Printed
@@ -49,6 +49,7 @@ __all__ = [
     "document",
     "find_form",
     "find_functions",
+    "fit_form",
     "fit_gaussian",
     "highlight_axis",
     "table_1",

@@ -118,7 +118,7 @@ def _maps(model: Bcsdf, title: str, cells: tuple[int, int]) -> Figure:
         for b, t in enumerate(THETA_R_1):
             ax: Axes = axes[a, b]
             ax.imshow(values[t, p], norm=norm, cmap=MAP, origin="lower", extent=(-180, 180, -90, 90), aspect="auto")
-            ax.set(xticks=(-180, 0, 180), yticks=(-90, 0, 90))
+            ax.set(xticks=(-90, 0, 90), yticks=(-90, 0, 90))
             ax.tick_params(length=2, labelsize=7)
             for side in ax.spines.values():
                 side.set_visible(False)

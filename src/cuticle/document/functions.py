@@ -81,7 +81,7 @@ def find_form(
                     if grown:
                         candidates.append((*((x, "") for x in shape), *((x, h) for x in grown)))
         for terms in candidates:
-            form = _least_squares(terms, theta_r, n, values)
+            form = fit_form(terms, theta_r, values, n)
             if form is not None:
                 found.append((form.criterion or math.inf, len(terms), simplicity, form))
     found.sort(key=lambda f: f[0])
@@ -90,7 +90,24 @@ def find_form(
     return Choice(best, tuple([f[3] for f in found if f[3] is not best][:runners_up]))
 
 
-def _least_squares(terms: tuple[tuple[str, str], ...], theta_r: NDArray, n: NDArray, values: NDArray) -> ClosedForm | None:
+def fit_form(
+    terms: Sequence[tuple[str, str]],
+    theta_r: NDArray[np.float64],
+    values: NDArray[np.float64],
+    strands: NDArray[np.float64] | None = None,
+) -> ClosedForm | None:
+    """Return the least squares of one closed form, with its rms and AICc; None where there are too few values.
+
+    Parameters
+    ----------
+    terms
+        (function of theta_r, function of n) by the names in `cuticle.fit.document.THETA` and `STRANDS`, "" for none.
+    theta_r, values
+        Radians, shape (N,).
+    strands
+        Counts, shape (N,).
+    """
+    n = np.ones_like(theta_r) if strands is None else strands
     kind = next((h for _, h in terms if h in _RANGE), None)
     parameters = len(terms) + (kind is not None)
     spare = len(values) - parameters - 2  # with the variance

@@ -12,6 +12,7 @@ from scipy.optimize import curve_fit
 Curve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 WINDOW = 1 / 3  # of the peak: a Gaussian is matched to the highlight, not to the floor around it
 HOLDS = 0.06  # rms residual over the peak, past which a Gaussian is no description
+_FLAT = 2 * np.pi  # radians: a wider Gaussian is none that a curve could tell from a constant
 _COARSE, _FINE = 721, 241
 
 
@@ -62,20 +63,20 @@ def fit_gaussian(
     Returns
     -------
     Gaussian or None
-        None where the peak lies on the edge of the domain, or nothing fits: a Gaussian does not describe such a curve.
+        None where the peak lies on the edge of the domain, the curve is flat, or nothing fits.
     """
     x = np.linspace(low, high, _COARSE)
     y = curve(x)
     top = int(np.argmax(y)) if centre is None else int(np.argmin(np.abs(x - centre)))
     if not y[top] > 0 or (centre is None and top in (0, len(x) - 1)):
         return None
-    above = y > window * y[top]
+    above = y > window * y[top] if window > 0 else np.ones_like(y, bool)
     first = top - int(np.argmin(above[top::-1])) if not above[: top + 1].all() else 0
     last = top + int(np.argmin(above[top:])) if not above[top:].all() else len(x) - 1
     x = np.linspace(x[first], x[last], _FINE)  # a peak narrower than the coarse grid is seen whole
     y = curve(x)
     peak = float(y.max())
-    near = y > window * peak
+    near = y > window * peak if window > 0 else np.ones_like(y, bool)
     x, y = x[near], y[near] / peak
     start = float(x[np.argmax(y)]) if centre is None else centre
     width = max(0.3 * float(x[-1] - x[0]), 1e-5)
@@ -89,6 +90,8 @@ def fit_gaussian(
             found = curve_fit(lambda x, h, s: _gaussian(x, h, held, s), x, y, p0=(1, width), bounds=(0, [20, 20]))[0]
             height, mean, sigma = float(found[0]), held, float(found[1])
     except (RuntimeError, ValueError):
+        return None
+    if sigma > _FLAT:
         return None
     residual = float(np.sqrt(np.mean((y - _gaussian(x, height, mean, sigma)) ** 2)))
     return Gaussian(peak * height * sigma * float(np.sqrt(2 * np.pi)), mean, sigma, residual)

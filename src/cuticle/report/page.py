@@ -290,7 +290,7 @@ def _note(holds: bool, *residuals: float | None) -> str:
     if holds:
         return ""
     known = [100 * r for r in residuals if r is not None]
-    return f"no Gaussian: residual {max(known):.0f} % of the peak" if known else "no Gaussian: its peak lies on the edge"
+    return f"no Gaussian: residual {max(known):.1f} % of the peak" if known else "no Gaussian: its peak lies on the edge"
 
 
 def _mixing(m: dict[str, Any]) -> dict[str, Any]:
