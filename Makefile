@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 NATIVE := $(wildcard src/native/*) $(wildcard include/cuticle/*) CMakeLists.txt pyproject.toml
 
-.PHONY: demo test lint format bench pictures clean
+.PHONY: demo test lint format bench docs clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.installed
@@ -54,9 +54,10 @@ $(VENV)/.installed-lint: $(VENV)/.installed
 	$(PIP) install 'clang-format==19.1.7' 'mypy>=1.11' 'ruff>=0.8'
 	@touch $@
 
-# The pictures in docs/.
-pictures: demo
+# The pictures in docs/, and docs/document.md, whose numbers the program writes.
+docs: demo
 	cp out/demo/densities.png docs/images/densities.png
+	$(BIN)/python docs/build.py
 
 clean:
 	rm -rf $(VENV) build out dist

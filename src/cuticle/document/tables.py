@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cuticle import validate
 from cuticle.distribution import luminance, tabulate
 from cuticle.document.gaussians import HOLDS, Curve, Gaussian, fit_gaussian
 from cuticle.models import Bcsdf
@@ -82,23 +83,25 @@ def _slice(model: Bcsdf, theta_i: NDArray, theta_r: float, phi: float | NDArray)
     return f * np.cos(theta_i)
 
 
-def along_theta(model: Bcsdf, theta_r: float, axis: float) -> Curve:
-    """Return the slice along theta_i at the highlight's azimuth, per steradian."""
+def along_theta(model: Bcsdf, theta_r: float, axis: float, per: str = "steradian") -> Curve:
+    """Return the slice along theta_i at the highlight's azimuth: f·cos, or f·cos² where it is told per radian."""
+    if per == "radian":
+        return lambda x: _slice(model, x, theta_r, axis) * np.cos(x)
     return lambda x: _slice(model, x, theta_r, axis)
 
 
-def around(model: Bcsdf, theta_r: float) -> Curve:
-    """Return the distribution of theta_i over all azimuths, per radian: ∫ f cos² theta_i d phi.
+def around(model: Bcsdf, theta_r: float, cosines: int = 2) -> Curve:
+    """Return the mean over all azimuths of f·cos² theta_i: up to a factor the density of theta_i per radian.
 
-    The one Gaussian for n strands has no azimuthal part, so it is a density of theta_i alone: d omega brings one more
-    cosine. The draft's own table is met better so than without it (docs/document.md).
+    The one Gaussian for n strands has no azimuthal part, so it is a density of theta_i alone, and d omega brings a cosine
+    beside that of f·cos. The draft's own table is met better so than with one (docs/document.md); `cosines` is for that
+    comparison.
     """
-    phi = (np.arange(_AROUND) + 0.5) * math.pi / _AROUND if getattr(model, "even", False) else None
-    if phi is None:
-        phi = (np.arange(2 * _AROUND) + 0.5) * math.pi / _AROUND - math.pi
+    even = getattr(model, "even", False)
+    phi = (np.arange(_AROUND if even else 2 * _AROUND) + 0.5) * math.pi / _AROUND
 
     def curve(x: NDArray[np.float64]) -> NDArray[np.float64]:
-        return 2 * math.pi * _slice(model, x[:, None], theta_r, phi).mean(axis=1) * np.cos(x)
+        return _slice(model, x[:, None], theta_r, phi).mean(axis=1) * np.cos(x) ** (cosines - 1)
 
     return curve
 
@@ -127,13 +130,29 @@ class _Turned:
         return self._model.eval(theta_i, theta_r, np.asarray(phi) - self._phi_r)
 
 
-def table_2(model: Bcsdf, theta_r: Sequence[float] = THETA_R_2, axis: float | None = None) -> tuple[SliceRow, ...]:
-    """Return the Gaussians through the highlight of direct light; theta_r in degrees."""
+def table_2(
+    model: Bcsdf, theta_r: Sequence[float] = THETA_R_2, axis: float | None = None, per: str = "steradian"
+) -> tuple[SliceRow, ...]:
+    """Return the Gaussians through the highlight of direct light.
+
+    Parameters
+    ----------
+    model
+        Any scattering function.
+    theta_r
+        Viewers, degrees.
+    axis
+        Azimuth of the highlight, radians; found at normal view if left out.
+    per
+        The measure of the slice along theta_i. "steradian": f·cos, as the draft's table has it. "radian": f·cos², the
+        density of theta_i, which is what a Gaussian that is drawn from has to follow.
+    """
+    validate.choice("per", per, ("steradian", "radian"))
     axis = highlight_axis(model) if axis is None else axis
     rows = []
     for degrees in theta_r:
         t = near_pole(degrees)
-        horizontal = fit_gaussian(along_theta(model, t, axis), -math.pi / 2, math.pi / 2)
+        horizontal = fit_gaussian(along_theta(model, t, axis, per), -math.pi / 2, math.pi / 2)
         vertical = None
         if horizontal is not None:
             x = np.linspace(-math.pi / 2, math.pi / 2, 1441)

@@ -266,7 +266,7 @@ def _table_3(table: dict[str, Any]) -> dict[str, Any]:
     ]
     return {
         "title": "Table 3: one Gaussian through n strands",
-        "about": "Of the density of θᵢ over all azimuths, per radian. σ in radians, shift in degrees.",
+        "about": "Of f·cos² θᵢ, the mean over all azimuths: a density of θᵢ. σ in radians, shift in degrees.",
         "keys": ["n", "θᵣ"],
         "columns": ["s", "σ", "shift"],
         "rows": [
