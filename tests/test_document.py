@@ -397,3 +397,19 @@ def test_functions_need_slices(document_model: cuticle.DualScattering) -> None:
     two = table_2(document_model, theta_r=(0, 10))
     with pytest.raises(ValueError, match="only 2 of the slices of direct light"):
         find_functions(two, table_3(document_model, strands=(1, 2)), highlight_axis(document_model))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda t, v: find_form(t, v, "uneven"), "parity must be one of even, odd"),
+        (lambda t, v: find_form(t[:4], v[:4], "even"), "at least 5 points"),
+        (lambda t, v: find_form(t, v[:-1], "even"), "must have one shape"),
+        (lambda t, v: find_form(t, v * np.nan, "even"), "finite numbers"),
+        (lambda t, v: find_form(t, v, "odd", strands=0 * t), "counts of at least 1"),
+    ],
+)
+def test_a_form_needs_good_values(change: Callable[[np.ndarray, np.ndarray], object], words: str) -> None:
+    t = np.linspace(-1, 1, 9)
+    with pytest.raises(ValueError, match=words):
+        change(t, t**2)

@@ -90,8 +90,12 @@ class Distribution:
             theta = theta + step_t * _vertex(grid[a - 1 : a + 2, b])
         count = len(self.phi)
         phi = self.phi[b] + step_p * _vertex(grid[a, [(b - 1) % count, b, (b + 1) % count]])
-        phi = float(np.pi - (np.pi - phi) % (2 * np.pi))
-        return Peak(float(theta), phi, float(grid[a, b]))
+        return Peak(float(theta), wrap_angle(phi), float(grid[a, b]))
+
+
+def wrap_angle(phi: float) -> float:
+    """Return an angle in (-pi, pi], radians."""
+    return float(np.pi - (np.pi - phi) % (2 * np.pi))
 
 
 def _vertex(y: NDArray[np.float64]) -> float:

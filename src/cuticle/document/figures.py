@@ -272,7 +272,7 @@ def figure_comparison(
         norm = Normalize(0, float(f.max()))
         maps: list[tuple[NDArray, Normalize, str]] = [(f, norm, MAP)]
         maps += [(p, norm, MAP) for p in densities]
-        maps += [(f / p, ratio_norm, RATIO) for p in densities]
+        maps += [(f / np.maximum(p, 1e-30), ratio_norm, RATIO) for p in densities]
         for ax, (values, scale, cmap) in zip(row, maps, strict=True):
             ax.imshow(values, norm=scale, cmap=cmap, origin="lower", extent=(left, right, -90, 90), aspect="auto")
             ax.set(xticks=np.linspace(left, right, 5), yticks=(-90, 0, 90))

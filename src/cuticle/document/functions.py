@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from cuticle import validate
 from cuticle.document.tables import USED, SliceRow, StrandRow
 from cuticle.fit.document import STRANDS, THETA, ClosedForm, DocumentFunctions, Term
 
@@ -25,6 +26,7 @@ _EVEN = (
 )
 _ODD = ((), ("θ",), ("θ³",), ("θ", "θ³"), ("θ", "θ³", "θ⁵"), ("sin θ",), ("sin 2θ",), ("sin θ", "sin 2θ"))
 _RANGE = {"n^p": (-2.0, 0.99), "n/(n+c)": (0.05, 50.0)}  # of p and of c
+LEAST_VALUES = 5
 INDISTINCT = 2.0  # a difference of the criterion that is no evidence (Burnham and Anderson 2002, 2.6)
 _LEAST = 1e-12  # rms in radians: below it a form goes through its points, and more terms only follow the rounding
 
@@ -67,7 +69,15 @@ def find_form(
         Counts, shape (N,).
     runners_up
         How many other forms to tell.
+
+    Raises
+    ------
+    ValueError
+        Shapes that differ, a value that is no finite number, too few of them.
     """
+    validate.choice("parity", parity, ("even", "odd"))
+    if len(values) < LEAST_VALUES:
+        raise ValueError(f"values must hold at least {LEAST_VALUES} points for a form to be told, got {len(values)}")
     n = np.ones_like(theta_r) if strands is None else strands
     several = len(np.unique(n)) > 1
     shapes = _EVEN if parity == "even" else tuple(("1", *odd) for odd in _ODD)
@@ -106,8 +116,19 @@ def fit_form(
         Radians, shape (N,).
     strands
         Counts, shape (N,).
+
+    Raises
+    ------
+    ValueError
+        Shapes that differ, a value that is no finite number.
     """
     n = np.ones_like(theta_r) if strands is None else strands
+    if not theta_r.shape == values.shape == n.shape or values.ndim != 1:
+        raise ValueError(
+            f"theta_r, values and strands must have one shape (N,), got {theta_r.shape}, {values.shape}, {n.shape}"
+        )
+    if not all(np.isfinite(x).all() for x in (theta_r, values, n)) or (n < 1).any():
+        raise ValueError("theta_r and values must be finite numbers, strands counts of at least 1")
     kind = next((h for _, h in terms if h in _RANGE), None)
     parameters = len(terms) + (kind is not None)
     spare = len(values) - parameters - 2  # with the variance
@@ -144,7 +165,7 @@ def find_functions(direct: Sequence[SliceRow], multiple: Sequence[StrandRow], ax
     two = [r for r in direct if r.holds and abs(r.theta_r) <= limit]
     three = [r for r in multiple if r.holds and abs(r.theta_r) <= limit]
     for name, rows in (("direct light", two), ("light through strands", three)):
-        if len(rows) < 5:
+        if len(rows) < LEAST_VALUES:
             raise ValueError(
                 f"a Gaussian describes only {len(rows)} of the slices of {name}: the draft's form does not suit this fibre;"
                 " cuticle.fit with lobes does"

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cuticle import validate
-from cuticle.distribution import luminance, tabulate
+from cuticle.distribution import luminance, tabulate, wrap_angle
 from cuticle.document.gaussians import HOLDS, Curve, Gaussian, fit_gaussian
 from cuticle.models import Bcsdf
 
@@ -115,7 +115,7 @@ def table_1(model: Bcsdf, theta_r: Sequence[float] = THETA_R_1, phi_r: Sequence[
     for p in np.radians(phi_r):
         for t in theta_r:
             peak = tabulate(_Turned(model, float(p)), near_pole(t), n_theta=360, n_phi=720).peak
-            mirror = _wrap(2 * float(p) - peak.phi)
+            mirror = wrap_angle(2 * float(p) - peak.phi)
             rows.append(PeakRow(float(p), math.radians(t), peak.theta_i, peak.phi, mirror))
     return tuple(rows)
 
@@ -165,7 +165,7 @@ def table_2(
             )
         shift = None if horizontal is None else horizontal.mean + t
         peak = tabulate(model, t, n_theta=360, n_phi=360).peak
-        rows.append(SliceRow(math.radians(degrees), vertical, horizontal, shift, abs(_wrap(peak.phi - axis))))
+        rows.append(SliceRow(math.radians(degrees), vertical, horizontal, shift, abs(wrap_angle(peak.phi - axis))))
     return tuple(rows)
 
 
@@ -179,7 +179,3 @@ def table_3(model: Bcsdf, strands: Sequence[float] = STRANDS, theta_r: Sequence[
             gaussian = fit_gaussian(around(own, t), -math.pi / 2, math.pi / 2, window=0.0)
             rows.append(StrandRow(n, math.radians(degrees), gaussian, None if gaussian is None else gaussian.mean + t))
     return tuple(rows)
-
-
-def _wrap(phi: float) -> float:
-    return math.pi - (math.pi - phi) % (2 * math.pi)

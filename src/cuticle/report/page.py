@@ -163,6 +163,7 @@ def _document_view(data: dict[str, Any], folder: Path) -> dict[str, Any]:
         "from_printed": [_function(name, f) for name, f in (data["functions_from_printed"] or {}).items()],
         "reason": data["no_functions_because"],
         "shader": data["shader"],
+        "axis": f"{data['highlight_phi_deg']:.0f}°",
         "tables": [_table_1(data["table_1"]), _table_2(data["table_2"]), _table_3(data["table_3"])],
         "mixing": [_mixing(m) for m in data["combined"]],
         "quality": _quality(data["quality"]),
