@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 # Okabe and Ito's palette: told apart with any colour vision; lines differ in their dashes too.
 BLUE, ORANGE, GREEN, GREY = "#0072b2", "#d55e00", "#009e73", "#666666"
 MAP, RATIO = "viridis", "PuOr_r"
+_NOTHING = 1e-5  # of the distribution's peak
 _STYLE: Any = {
     "font.size": 9,
     "axes.titlesize": 9,
@@ -244,6 +245,8 @@ def figure_comparison(
 ) -> Figure:
     """Draw what section 0.2.2 announces: distribution, the draft's Gaussian, fitted lobes, and the weights f·cos/p.
 
+    Weights are left grey where distribution and density are both below 1e-5 of the distribution's peak.
+
     Parameters
     ----------
     model
@@ -272,7 +275,9 @@ def figure_comparison(
         norm = Normalize(0, float(f.max()))
         maps: list[tuple[NDArray, Normalize, str]] = [(f, norm, MAP)]
         maps += [(p, norm, MAP) for p in densities]
-        maps += [(f / np.maximum(p, 1e-30), ratio_norm, RATIO) for p in densities]
+        # Where neither the distribution nor the density has anything, a weight says nothing.
+        weights = [np.where(np.maximum(f, p) > _NOTHING * f.max(), f / np.maximum(p, 1e-300), np.nan) for p in densities]
+        maps += [(w, ratio_norm, RATIO) for w in weights]
         for ax, (values, scale, cmap) in zip(row, maps, strict=True):
             ax.imshow(values, norm=scale, cmap=cmap, origin="lower", extent=(left, right, -90, 90), aspect="auto")
             ax.set(xticks=np.linspace(left, right, 5), yticks=(-90, 0, 90))
@@ -281,8 +286,9 @@ def figure_comparison(
                 side.set_visible(False)
         for ax, q in zip(row[1:3], quality, strict=True):
             ax.set_xlabel(f"ESS {q.ess:.3f}   TV {q.total_variation:.3f}", fontsize=8.5, fontweight="bold")
-        for ax, q in zip(row[3:], quality, strict=True):
-            ax.set_xlabel(f"largest weight {q.largest_weight:.3g}", fontsize=8.5)
+        for ax, w in zip(row[3:], weights, strict=True):
+            ax.set_facecolor("#d9d9d9")
+            ax.set_xlabel(f"largest weight {np.nanmax(w):.3g}", fontsize=8.5)
         row[0].set_xlabel("ϕ, degrees", fontsize=8)
         row[0].set_ylabel(("direct light" if n == 0 else f"through {_count(n)}") + "\nθᵢ, degrees", fontsize=8.5)
         fig.colorbar(ScalarMappable(norm, MAP), ax=row[:3], aspect=25, pad=0.01).set_label("density, 1/sr", fontsize=7.5)
