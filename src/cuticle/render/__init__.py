@@ -1,0 +1,1 @@
+"""What a render needs beside the fibre: grooms."""
