@@ -3,6 +3,7 @@
 
 #include "cuticle/angles.h"
 #include "cuticle/azimuthal.h"
+#include "cuticle/density_grid.h"
 #include "cuticle/dual_scattering.h"
 #include "cuticle/lobe.h"
 #include "cuticle/lobes.h"

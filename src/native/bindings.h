@@ -7,6 +7,7 @@ namespace native {
 
 void bind_densities(nanobind::module_ &m);
 void bind_fit(nanobind::module_ &m);
+void bind_groom(nanobind::module_ &m);
 void bind_models(nanobind::module_ &m);
 void bind_sampler(nanobind::module_ &m);
 
