@@ -12,13 +12,15 @@ ROOT = Path(__file__).parents[1]
 FLAGS = ["-std=c++17", "-O2", "-Wall", "-Wextra", "-Wconversion", "-Werror", f"-I{ROOT / 'include'}"]
 
 
+# standalone: the core on its own. lanes: the sampler over an array type.
 @pytest.mark.parametrize("compiler", ["g++", "clang++"])
-def test_compiles_without_a_warning_and_runs(compiler: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["standalone", "lanes"])
+def test_compiles_without_a_warning_and_runs(name: str, compiler: str, tmp_path: Path) -> None:
     if shutil.which(compiler) is None:
         pytest.skip(f"{compiler} is not installed")
-    program = tmp_path / "standalone"
+    program = tmp_path / name
     built = subprocess.run(
-        [compiler, *FLAGS, str(ROOT / "tests/cpp/standalone.cpp"), "-o", str(program)],
+        [compiler, *FLAGS, str(ROOT / f"tests/cpp/{name}.cpp"), "-o", str(program)],
         capture_output=True,
         text=True,
         check=False,

@@ -46,8 +46,8 @@ template <class Float> struct TruncatedNormal {
         : lo(lo_), hi(hi_) {
         const Float below = lo - mean, above = mean - hi;
         in_tail = math::max(below, above) > sigma;
-        central = central_normal(Float(select(in_tail, Float(Float(.5) * (lo + hi)), mean)), Float(sqrt_half<Float> / sigma),
-                                 lo, hi);
+        central = central_normal(Float(select(in_tail, Float(Float(.5) * (lo + hi)), mean)),
+                                 Float(Float(sqrt_half<Float>) / sigma), lo, hi);
         near = select(below > above, lo, hi);
         sign = select(below > above, Float(1), Float(-1));
         z_near = math::max(Float(math::max(below, above) * central.rate), Float(0));
@@ -59,10 +59,10 @@ template <class Float> struct TruncatedNormal {
     CUTICLE_HD Float pdf(const Float &x) const {
         const Float z = (x - central.mean) * central.rate;
         const Float d = sign * (x - near) * central.rate;
-        const Float density = select(
-            in_tail,
-            Float(two_over_sqrt_pi<Float> * central.rate / tail_mass * math::decay(Float(-d * (z_near + z_near + d)))),
-            Float(central_norm(central) * math::decay(Float(-z * z))));
+        const Float density = select(in_tail,
+                                     Float(Float(two_over_sqrt_pi<Float>) * central.rate / tail_mass *
+                                           math::decay(Float(-d * (z_near + z_near + d)))),
+                                     Float(central_norm(central) * math::decay(Float(-z * z))));
         return select(x < lo, Float(0), select(x > hi, Float(0), density));
     }
 
@@ -83,7 +83,7 @@ template <class Float> struct TruncatedNormal {
         for (int step = 0; step < 8; ++step) {
             const Float e = math::erfcx(Float(z_near + d));
             const Float excess = d * (z_near + z_near + d) - math::log(Float(e / erfcx_near)) - target;
-            d = math::clamp(Float(d - excess * e / two_over_sqrt_pi<Float>), Float(0), length);
+            d = math::clamp(Float(d - excess * e / Float(two_over_sqrt_pi<Float>)), Float(0), length);
         }
         const Float tail = near + sign * d / central.rate;
         return math::clamp(Float(select(in_tail, tail, central_icdf(central, u))), lo, hi);
@@ -98,29 +98,29 @@ template <class Float> struct TruncatedNormal {
 
 // Longitudinal lobe: a normal in theta truncated to [-pi/2, pi/2]; densities per radian of theta.
 template <class Float> CUTICLE_HD TruncatedNormal<Float> longitudinal_normal(const Float &mean, const Float &sigma) {
-    return {mean, sigma, Float(-half_pi<Float>), half_pi<Float>};
+    return {mean, sigma, Float(-half_pi<Float>), Float(half_pi<Float>)};
 }
 
 // The cdf on [-pi, pi], from -pi, of a density around the circle. `own(d)` is the probability that lies between the
 // lobe's seam, mean - pi, and mean + d.
 template <class Float, class Own> CUTICLE_HD Float periodic_cdf(const Own &own, const Float &mean, const Float &phi) {
-    const Float x = math::clamp(phi, Float(-pi<Float>), pi<Float>);
-    const Float start = math::wrap_angle(Float(-pi<Float> - mean)), d = math::wrap_angle(Float(x - mean));
+    const Float x = math::clamp(phi, Float(-pi<Float>), Float(pi<Float>));
+    const Float start = math::wrap_angle(Float(Float(-pi<Float>) - mean)), d = math::wrap_angle(Float(x - mean));
     const Float turned = select(d < start, Float(1), Float(0));  // past the lobe's own seam
-    return select(x < pi<Float>, math::clamp(Float(own(d) - own(start) + turned), Float(0), Float(1)), Float(1));
+    return select(x < Float(pi<Float>), math::clamp(Float(own(d) - own(start) + turned), Float(0), Float(1)), Float(1));
 }
 
 // Its inverse, given the inverse of `own`.
 template <class Float, class Own, class OwnInverse>
 CUTICLE_HD Float periodic_icdf(const Own &own, const OwnInverse &inverse, const Float &mean, const Float &u) {
-    const Float x = u + own(math::wrap_angle(Float(-pi<Float> - mean)));
+    const Float x = u + own(math::wrap_angle(Float(Float(-pi<Float>) - mean)));
     const Float phi = math::wrap_angle(Float(mean + inverse(Float(x - math::floor(x)))));
     return select(u > Float(0), phi, Float(-pi<Float>));
 }
 
 // The same for a density of |phi| with either sign alike: `half(x)` is the probability of |phi| < x.
 template <class Float, class Half> CUTICLE_HD Float even_cdf(const Half &half, const Float &phi) {
-    const Float x = math::clamp(phi, Float(-pi<Float>), pi<Float>);
+    const Float x = math::clamp(phi, Float(-pi<Float>), Float(pi<Float>));
     return Float(.5) + math::copysign(Float(Float(.5) * half(Float(math::abs(x)))), x);
 }
 template <class Float, class HalfInverse> CUTICLE_HD Float even_icdf(const HalfInverse &inverse, const Float &u) {
@@ -134,7 +134,7 @@ template <class Float> struct PeriodicNormal {
     TruncatedNormal<Float> centred;
 
     CUTICLE_HD PeriodicNormal(const Float &mean_, const Float &sigma)
-        : mean(math::wrap_angle(mean_)), centred(Float(0), sigma, Float(-pi<Float>), pi<Float>) {}
+        : mean(math::wrap_angle(mean_)), centred(Float(0), sigma, Float(-pi<Float>), Float(pi<Float>)) {}
     CUTICLE_HD Float pdf(const Float &phi) const { return centred.pdf(math::wrap_angle(Float(phi - mean))); }
     CUTICLE_HD Float cdf(const Float &phi) const {
         return periodic_cdf([this](const Float &d) { return centred.cdf(d); }, mean, phi);
@@ -151,7 +151,7 @@ template <class Float> struct PeriodicNormal {
 template <class Float> struct EvenNormal {
     TruncatedNormal<Float> half;
 
-    CUTICLE_HD EvenNormal(const Float &mean, const Float &sigma) : half(mean, sigma, Float(0), pi<Float>) {}
+    CUTICLE_HD EvenNormal(const Float &mean, const Float &sigma) : half(mean, sigma, Float(0), Float(pi<Float>)) {}
     CUTICLE_HD Float pdf(const Float &phi) const { return Float(.5) * half.pdf(math::abs(math::wrap_angle(phi))); }
     CUTICLE_HD Float cdf(const Float &phi) const {
         return even_cdf([this](const Float &x) { return half.cdf(x); }, phi);

@@ -13,6 +13,18 @@ template <class Float> struct Sample {
     Float theta_i, phi, pdf;  // radians, radians, 1/sr
 };
 
+// One lobe along theta and along phi.
+template <class Float> struct ChosenLobe {
+    CentralNormal<Float> theta, phi;
+};
+
+template <class Mask, class Float>
+CUTICLE_HD CentralNormal<Float> select_normal(const Mask &mask, const CentralNormal<Float> &a,
+                                              const CentralNormal<Float> &b) {
+    return {select(mask, a.mean, b.mean), select(mask, a.rate, b.rate), select(mask, a.erf_lo, b.erf_lo),
+            select(mask, a.mass, b.mass)};
+}
+
 // Weights sum to 1; sigmas are positive; a mean lies in its domain or at most one sigma outside (the table is
 // held to it node by node, and linear interpolation keeps it), so that CentralNormal serves.
 // Azimuth: `even` takes |phi| on [0, pi] (EvenNormal), else each lobe its own period (PeriodicNormal), its mean within
@@ -47,12 +59,12 @@ template <class Float, int K> struct Lobes {
         }
         const Both z = d * normal.rate, squared = z * z;
         const Float density = sum(Set(scale * decay(Set(-(half<0>(squared) + half<1>(squared)))))) * per_steradian;
-        return select(math::abs(theta_i) > half_pi<Float>, Float(0), density);
+        return select(math::abs(theta_i) > Float(half_pi<Float>), Float(0), density);
     }
 
     // One lobe's cdf in theta_i (from -pi/2) and in phi (from -pi), and their inverses.
     CUTICLE_HD Float cdf_theta(int k, const Float &x) const {
-        return central_cdf(theta(k), math::clamp(x, Float(-half_pi<Float>), half_pi<Float>));
+        return central_cdf(theta(k), math::clamp(x, Float(-half_pi<Float>), Float(half_pi<Float>)));
     }
     CUTICLE_HD Float icdf_theta(int k, const Float &u) const { return invert_theta(theta(k), u); }
     CUTICLE_HD Float cdf_phi(int k, const Float &x) const {
@@ -67,18 +79,36 @@ template <class Float, int K> struct Lobes {
                              [&](const Float &v) { return Float(central_icdf(d, v) - d.mean); }, d.mean, u);
     }
 
-    // u in [0, 1): the lobe, then one inverse per coordinate; the pdf is the mixture's.
-    CUTICLE_HD Sample<Float> sample(const Float &u_lobe, const Float &u_theta, const Float &u_phi) const {
+    // The lobe that u in [0, 1) chooses, along both coordinates.
+    CUTICLE_HD ChosenLobe<Float> choose(const Float &u_lobe) const {
         Float below[K];
         below[0] = weight[0];
         for (int k = 1; k < K; ++k) below[k] = below[k - 1] + weight[k];
         // Scaled by the sum that was reached: rounding never leads past the last lobe, nor into one of weight 0.
         const Float u = u_lobe * below[K - 1];
-        int chosen = 0;
-        for (int k = 0; k + 1 < K; ++k) chosen += static_cast<int>(u >= below[k]);
-        const Float theta_i = invert_theta(theta(chosen), u_theta);
-        const Float phi_i = invert_phi(phi(chosen), u_phi);
-        return {theta_i, phi_i, pdf(theta_i, phi_i)};
+        if constexpr (std::is_arithmetic_v<Float>) {
+            int chosen = 0;
+            for (int k = 0; k + 1 < K; ++k) chosen += static_cast<int>(u >= below[k]);
+            return {theta(chosen), phi(chosen)};
+        } else {
+            ChosenLobe<Float> chosen{theta(0), phi(0)};
+            for (int k = 1; k < K; ++k) {
+                const auto past = u >= below[k - 1];
+                chosen = {select_normal(past, theta(k), chosen.theta), select_normal(past, phi(k), chosen.phi)};
+            }
+            return chosen;
+        }
+    }
+
+    // One inverse a coordinate; the pdf is left to the mixture.
+    CUTICLE_HD Sample<Float> draw(const ChosenLobe<Float> &chosen, const Float &u_theta, const Float &u_phi) const {
+        return {invert_theta(chosen.theta, u_theta), invert_phi(chosen.phi, u_phi), Float(0)};
+    }
+
+    CUTICLE_HD Sample<Float> sample(const Float &u_lobe, const Float &u_theta, const Float &u_phi) const {
+        Sample<Float> s = draw(choose(u_lobe), u_theta, u_phi);
+        s.pdf = pdf(s.theta_i, s.phi);
+        return s;
     }
 
     // One lobe along one coordinate.
@@ -91,13 +121,15 @@ template <class Float, int K> struct Lobes {
     }
     CUTICLE_HD static Float invert_theta(const CentralNormal<Float> &d, const Float &u) {
         // The float nearest to pi/2 lies past the pole: stay one ulp inside.
-        const Float limit = half_pi<Float> * (Float(1) - std::numeric_limits<Float>::epsilon());
+        const Float limit = Float(half_pi<Float> * (1 - std::numeric_limits<scalar_t<Float>>::epsilon()));
         return math::clamp(central_icdf(d, u), Float(-limit), limit);
     }
     // A periodic lobe is inverted from its own seam: any order of the circle serves a sample.
     CUTICLE_HD Float invert_phi(const CentralNormal<Float> &d, const Float &u) const {
-        if (even) return even_icdf([&](const Float &v) { return math::clamp(central_icdf(d, v), Float(0), pi<Float>); }, u);
-        return math::wrap_angle(math::clamp(central_icdf(d, u), Float(d.mean - pi<Float>), Float(d.mean + pi<Float>)));
+        if (even)
+            return even_icdf([&](const Float &v) { return math::clamp(central_icdf(d, v), Float(0), Float(pi<Float>)); }, u);
+        return math::wrap_angle(
+            math::clamp(central_icdf(d, u), Float(d.mean - Float(pi<Float>)), Float(d.mean + Float(pi<Float>))));
     }
 };
 

@@ -15,10 +15,23 @@
 
 namespace cuticle {
 
-template <class Float> inline constexpr Float pi = Float(3.14159265358979323846);
-template <class Float> inline constexpr Float half_pi = Float(1.57079632679489661923);
-template <class Float> inline constexpr Float sqrt_half = Float(0.70710678118654752440);
-template <class Float> inline constexpr Float two_over_sqrt_pi = Float(1.12837916709551257390);
+// What an array type (Dr.Jit's, a SIMD packet) has to tell, by a specialisation; everything else it is used for, operators,
+// select(mask, a, b) and functions such as sqrt or erf, is found in its own namespace.
+template <class T> struct ArrayTraits {
+    using Scalar = T;   // of one lane
+    using Index = int;  // of a lane into memory
+    static CUTICLE_HD Index to_index(const T &x) { return static_cast<int>(x); }
+    template <class Memory> static CUTICLE_HD T gather(const Memory &memory, const Index &index) { return T(memory[index]); }
+    // Whether any lane is set; an array whose lanes are not known yet answers true.
+    static CUTICLE_HD bool any(bool mask) { return mask; }
+};
+template <class T> using scalar_t = typename ArrayTraits<T>::Scalar;
+
+// Constants of a lane.
+template <class Float> inline constexpr scalar_t<Float> pi = scalar_t<Float>(3.14159265358979323846);
+template <class Float> inline constexpr scalar_t<Float> half_pi = scalar_t<Float>(1.57079632679489661923);
+template <class Float> inline constexpr scalar_t<Float> sqrt_half = scalar_t<Float>(0.70710678118654752440);
+template <class Float> inline constexpr scalar_t<Float> two_over_sqrt_pi = scalar_t<Float>(1.12837916709551257390);
 
 // Array types replace this by an overload on their mask.
 CUTICLE_HD inline float select(bool mask, float a, float b) { return mask ? a : b; }
@@ -163,7 +176,7 @@ CUTICLE_HD inline float erfinv(float p) { return erfinv_single(p); }
 template <class T> CUTICLE_HD T erfinv(const T &p) {
     T z = erfinv_single(p);
     for (int step = 0; step < 2; ++step) {
-        const T e = (erf(z) - p) / (two_over_sqrt_pi<T> * exp(T(-z * z)));
+        const T e = (erf(z) - p) / (T(two_over_sqrt_pi<T>) * exp(T(-z * z)));
         z = z - e / (T(1) + z * e);
     }
     return z;
@@ -187,15 +200,15 @@ template <class T> CUTICLE_HD T nearest_turn(const T &x) {
 // An angle to (-pi, pi].
 template <class T> CUTICLE_HD T wrap_angle(const T &x) {
     const T r = nearest_turn(x);
-    return clamp(select(r <= -pi<T>, pi<T>, r), T(-pi<T>), pi<T>);
+    return clamp(T(select(r <= T(-pi<T>), T(pi<T>), r)), T(-pi<T>), T(pi<T>));
 }
 
 // cos theta for |theta| <= pi/2 with relative precision up to the poles (the plain cosine of the
 // float next to pi/2 is negative), held above the type's epsilon so that 1/cos stays finite.
 template <class T> CUTICLE_HD T cos_theta(const T &theta) {
     constexpr double low = 1.57079632679489661923 - static_cast<double>(half_pi<T>);
-    const T x = (half_pi<T> - abs(theta)) + T(low);
-    return max(T(sin(x)), T(std::numeric_limits<T>::epsilon()));
+    const T x = (T(half_pi<T>) - abs(theta)) + T(low);
+    return max(T(sin(x)), T(std::numeric_limits<scalar_t<T>>::epsilon()));
 }
 
 CUTICLE_HD inline float cos_theta(float theta) {

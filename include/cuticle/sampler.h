@@ -6,51 +6,64 @@
 
 namespace cuticle {
 
-// Hooks that an array type overloads: a gather, a conversion to an index, "does any lane need this?".
-template <class Float, int N, class Scalar> CUTICLE_HD Pack<Float, N> load(const Scalar *data) {
-    if constexpr (std::is_same_v<Float, Scalar>) {
-        return load_pack<Float, N>(data);
-    } else {
-        Float values[N];
-        for (int k = 0; k < N; ++k) values[k] = Float(data[k]);
-        return load_pack<Float, N>(values);
-    }
-}
-template <class Float> CUTICLE_HD int to_index(const Float &x) { return static_cast<int>(x); }
-CUTICLE_HD inline bool any_of(bool mask) { return mask; }
-
 // A view, owning nothing: nodes at theta_r = -pi/2 + i pi / (theta_nodes - 1), rows at increasing strand counts.
-template <class Scalar, int K> struct LobeTable {
-    const Scalar *nodes;    // [rows][theta_nodes][lobe_parameters][K]
-    const Scalar *energy;   // [rows][theta_nodes]: ∫ f cos, what a row weighs against another
+// Memory is a pointer, or whatever ArrayTraits::gather takes; the strand counts lie where the code runs.
+template <class Scalar, int K, class Memory = const Scalar *> struct LobeTable {
+    Memory nodes;           // [rows][theta_nodes][lobe_parameters][K]
+    Memory energy;          // [rows][theta_nodes]: ∫ f cos, what a row weighs against another
     const Scalar *strands;  // [rows]
     int rows, theta_nodes;
     bool even;
 };
 
+// N values from `index` on, a lane each.
+template <class Float, int N, class Memory, class Index>
+CUTICLE_INLINE Pack<Float, N> load(const Memory &memory, const Index &index) {
+    if constexpr (std::is_same_v<Memory, const Float *>) {
+        return load_pack<Float, N>(memory + index);
+    } else {
+        Pack<Float, N> r;
+        for (int k = 0; k < N; ++k) r.set(k, ArrayTraits<Float>::gather(memory, Index(index + Index(k))));
+        return r;
+    }
+}
+
 // Where theta_r and the number of strands fall. From 0 strands to the first positive count the scattering
 // function is a blend of two different shapes, so there the sampler mixes the two rows' densities in proportion
 // to their energies; further on the rows' parameters are interpolated.
 template <class Float> struct TablePosition {
-    int node, row;
-    Float t, s;  // fractions towards node + 1 and row + 1
-    bool blend;  // row 0 is for no strands, row 1 for some
+    using Index = typename ArrayTraits<Float>::Index;
+    Index node, row;
+    Float t, s;                           // fractions towards node + 1 and row + 1
+    decltype(Float(0) < Float(0)) blend;  // row 0 is for no strands, row 1 for some
 };
 
-template <class Float, class Scalar, int K>
-CUTICLE_HD TablePosition<Float> locate(const LobeTable<Scalar, K> &table, const Float &theta_r, const Float &strands) {
+template <class Float, class Scalar, int K, class Memory>
+CUTICLE_HD TablePosition<Float> locate(const LobeTable<Scalar, K, Memory> &table, const Float &theta_r,
+                                       const Float &strands) {
+    using Traits = ArrayTraits<Float>;
+    using Index = typename Traits::Index;
     const Float last = Float(table.theta_nodes - 1);
     const Float x = math::clamp(Float((theta_r * Float(1 / pi<double>) + Float(.5)) * last), Float(0), last);
-    const int node = math::min(to_index(x), table.theta_nodes - 2);
-    int row = 0;
-    while (row + 2 < table.rows && strands >= Float(table.strands[row + 1])) ++row;
-    const Float lo = Float(table.strands[row]);
-    const Float hi = table.rows > 1 ? Float(table.strands[row + 1]) : Float(lo + Float(1));
-    const bool blend = table.rows > 1 && row == 0 && table.strands[0] == Scalar(0);
-    const Float span = blend ? math::min(hi, Float(1)) : Float(hi - lo);
-    // Branches, not a division on the way to every load: counts are whole more often than not.
+    const Index node = math::min(Traits::to_index(x), Index(table.theta_nodes - 2));
+    const bool several = table.rows > 1, from_none = several && table.strands[0] == Scalar(0);
+    Index row = Index(0);
+    Float lo = Float(table.strands[0]), hi = several ? Float(table.strands[1]) : Float(lo + Float(1));
+    auto blend = strands < (from_none ? hi : Float(0));
+    for (int k = 1; k + 1 < table.rows; ++k) {
+        const Float count = Float(table.strands[k]);
+        const auto past = strands >= count;
+        if (!Traits::any(past)) break;  // counts increase
+        row = select(past, Index(k), row);
+        lo = select(past, count, lo);
+        hi = select(past, Float(table.strands[k + 1]), hi);
+    }
+    // A branch, not a division on the way to every load: counts are whole more often than not.
     Float s = Float(0);
-    if (table.rows > 1 && strands > lo) s = strands < lo + span ? Float((strands - lo) / span) : Float(1);
+    if (several && Traits::any(strands > lo)) {
+        const Float span = select(blend, math::min(hi, Float(1)), Float(hi - lo));
+        s = math::clamp(Float((strands - lo) / span), Float(0), Float(1));
+    }
     return {node, row, Float(x - Float(node)), s, blend};
 }
 
@@ -61,16 +74,18 @@ template <class Float, int K> struct PreparedSampler {
 
     CUTICLE_HD Float pdf(const Float &theta_i, const Float &phi) const {
         const Float p = first.pdf(theta_i, phi);
-        if (!any_of(share < Float(1))) return p;
+        if (!ArrayTraits<Float>::any(share < Float(1))) return p;
         return share * p + (Float(1) - share) * second.pdf(theta_i, phi);
     }
 
     CUTICLE_HD Sample<Float> sample(const Float &u_lobe, const Float &u_theta, const Float &u_phi) const {
-        if (!any_of(share < Float(1))) return first.sample(u_lobe, u_theta, u_phi);
-        const bool in_first = u_lobe < share;
-        const Float rest = math::max(Float(Float(1) - share), std::numeric_limits<Float>::min());
-        Sample<Float> s =
-            in_first ? first.sample(u_lobe / share, u_theta, u_phi) : second.sample((u_lobe - share) / rest, u_theta, u_phi);
+        if (!ArrayTraits<Float>::any(share < Float(1))) return first.sample(u_lobe, u_theta, u_phi);
+        const auto in_first = u_lobe < share;
+        const Float rest = math::max(Float(Float(1) - share), Float(std::numeric_limits<scalar_t<Float>>::min()));
+        const Float u = select(in_first, Float(u_lobe / share), Float((u_lobe - share) / rest));
+        const ChosenLobe<Float> a = first.choose(u), b = second.choose(u);
+        const ChosenLobe<Float> chosen{select_normal(in_first, a.theta, b.theta), select_normal(in_first, a.phi, b.phi)};
+        Sample<Float> s = first.draw(chosen, u_theta, u_phi);
         s.pdf = pdf(s.theta_i, s.phi);
         return s;
     }
@@ -88,21 +103,27 @@ template <class Float, int K> struct LobeValues {
     }
 };
 
-template <class Float, class Scalar, int K>
-CUTICLE_INLINE LobeValues<Float, K> interpolate_theta(const LobeTable<Scalar, K> &table, int row,
+template <class Float, class Scalar, int K, class Memory>
+CUTICLE_INLINE LobeValues<Float, K> interpolate_theta(const LobeTable<Scalar, K, Memory> &table,
+                                                      const typename ArrayTraits<Float>::Index &row,
                                                       const TablePosition<Float> &at) {
+    using Index = typename ArrayTraits<Float>::Index;
     static_assert(lobe_weight == 0 && lobe_mean_theta == 1 && lobe_mean_phi == 2 && lobe_sigma_theta == 3);
-    const auto node = [](const Scalar *p) {
-        return LobeValues<Float, K>{load<Float, K>(p), load<Float, 2 * K>(p + lobe_mean_theta * K),
-                                    load<Float, 2 * K>(p + lobe_sigma_theta * K)};
-    };
     constexpr int size = lobe_parameters * K;
-    const Scalar *p = table.nodes + (row * table.theta_nodes + at.node) * size;
-    return node(p).mix(at.t, node(p + size));
+    const auto node = [&](const Index &i) {
+        return LobeValues<Float, K>{load<Float, K>(table.nodes, i),
+                                    load<Float, 2 * K>(table.nodes, Index(i + Index(lobe_mean_theta * K))),
+                                    load<Float, 2 * K>(table.nodes, Index(i + Index(lobe_sigma_theta * K)))};
+    };
+    const Index first = (row * Index(table.theta_nodes) + at.node) * Index(size);
+    return node(first).mix(at.t, node(Index(first + Index(size))));
 }
 
-template <class Float, class Scalar, int K>
-CUTICLE_HD PreparedSampler<Float, K> prepare(const LobeTable<Scalar, K> &table, const Float &theta_r, const Float &strands) {
+template <class Float, class Scalar, int K, class Memory>
+CUTICLE_HD PreparedSampler<Float, K> prepare(const LobeTable<Scalar, K, Memory> &table, const Float &theta_r,
+                                             const Float &strands) {
+    using Traits = ArrayTraits<Float>;
+    using Index = typename Traits::Index;
     const TablePosition<Float> at = locate<Float>(table, theta_r, strands);
     PreparedSampler<Float, K> out;
     out.share = Float(1);
@@ -110,24 +131,27 @@ CUTICLE_HD PreparedSampler<Float, K> prepare(const LobeTable<Scalar, K> &table, 
         to.set(from.weight, from.mean, from.sigma, table.even);
     };
     // On a row, the usual case, nothing else is touched: the parameters never leave the registers.
-    const bool on_lower = !any_of(at.s > Float(0)), on_upper = !any_of(at.s < Float(1));
-    if (on_lower || on_upper) {
-        set(out.first, interpolate_theta(table, on_lower ? at.row : at.row + 1, at));
+    const bool on_lower = !Traits::any(at.s > Float(0)), on_upper = !Traits::any(at.s < Float(1));
+    if (table.rows == 1 || on_lower || on_upper) {
+        set(out.first, interpolate_theta(table, on_upper ? Index(at.row + Index(1)) : at.row, at));
         return out;
     }
     const LobeValues<Float, K> lower = interpolate_theta(table, at.row, at);
-    const LobeValues<Float, K> upper = interpolate_theta(table, at.row + 1, at);
-    if (at.blend) {
-        const Scalar *e = table.energy + at.node;
-        const Scalar *g = e + table.theta_nodes;
-        const Float e0 = (Float(1) - at.s) * (Float(e[0]) + at.t * Float(e[1] - e[0]));
-        const Float e1 = at.s * (Float(g[0]) + at.t * Float(g[1] - g[0]));
-        out.share = e0 / (e0 + e1);
-        set(out.first, lower);
-        set(out.second, upper);
-    } else {
+    const LobeValues<Float, K> upper = interpolate_theta(table, Index(at.row + Index(1)), at);
+    const bool blend = table.strands[0] == Scalar(0) && Traits::any(at.blend);
+    if (!blend) {
         set(out.first, lower.mix(at.s, upper));
+        return out;
     }
+    const Index e = at.row * Index(table.theta_nodes) + at.node, g = e + Index(table.theta_nodes);
+    const auto energy = [&](const Index &i) {
+        const Float a = Traits::gather(table.energy, i), b = Traits::gather(table.energy, Index(i + Index(1)));
+        return Float(a + at.t * (b - a));
+    };
+    const Float e0 = (Float(1) - at.s) * energy(e), e1 = at.s * energy(g);
+    out.share = select(at.blend, Float(e0 / (e0 + e1)), Float(1));
+    set(out.first, lower.mix(select(at.blend, Float(0), at.s), upper));
+    set(out.second, upper);
     return out;
 }
 
