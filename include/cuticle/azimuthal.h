@@ -102,37 +102,41 @@ template <class Float> Halves<Float> half_energies(const Float *row, int n) {
 }
 
 // A view of the rows: [rows][columns][lobe_count][channels], theta_d = i (pi/2) / (rows - 1), phi = j pi / (columns - 1).
-// N is even in both angles.
-template <class Scalar> struct AzimuthalTable {
-    const Scalar *data;
+// N is even in both angles. Memory is a pointer, or whatever ArrayTraits::gather takes.
+template <class Memory> struct AzimuthalTable {
+    Memory data;
     int rows, columns, channels;
 };
 
 // Four table entries and their weights: the position is found once and serves all lobes and channels.
 template <class Float> struct Bilinear {
-    int index;  // of the first value of the lower corner
+    typename ArrayTraits<Float>::Index index;  // of the first value of the lower corner
     int row_step, column_step;
     Float a, b;  // fractions towards the next row and column
 };
 
-template <class Float, class Scalar>
-CUTICLE_HD Bilinear<Float> locate(const AzimuthalTable<Scalar> &table, const Float &theta_d, const Float &phi) {
-    const Float y =
-        math::clamp(Float(math::abs(theta_d) * (Float(table.rows - 1) / half_pi<Float>)), Float(0), Float(table.rows - 1));
-    const Float x = math::clamp(Float(math::abs(math::wrap_angle(phi)) * (Float(table.columns - 1) / pi<Float>)), Float(0),
-                                Float(table.columns - 1));
-    const int i = math::min(static_cast<int>(y), table.rows - 2), j = math::min(static_cast<int>(x), table.columns - 2);
+template <class Float, class Memory>
+CUTICLE_HD Bilinear<Float> locate(const AzimuthalTable<Memory> &table, const Float &theta_d, const Float &phi) {
+    using Traits = ArrayTraits<Float>;
+    using Index = typename Traits::Index;
+    const Float last_row = Float(table.rows - 1), last_column = Float(table.columns - 1);
+    const Float y = math::clamp(Float(math::abs(theta_d) * last_row * Float(2 / pi<double>)), Float(0), last_row);
+    const Float x =
+        math::clamp(Float(math::abs(math::wrap_angle(phi)) * last_column * Float(1 / pi<double>)), Float(0), last_column);
+    const Index i = math::min(Traits::to_index(y), Index(table.rows - 2));
+    const Index j = math::min(Traits::to_index(x), Index(table.columns - 2));
     const int column = lobe_count * table.channels;
-    return {(i * table.columns + j) * column, table.columns * column, column, y - Float(i), x - Float(j)};
+    return {(i * Index(table.columns) + j) * Index(column), table.columns * column, column, y - Float(i), x - Float(j)};
 }
 
-template <class Float, class Scalar>
-CUTICLE_HD Float interpolate(const Scalar *data, const Bilinear<Float> &at, int offset) {
-    const Scalar *q = data + at.index + offset;
-    const Scalar *r = q + at.row_step;
+template <class Float, class Memory>
+CUTICLE_HD Float interpolate(const Memory &data, const Bilinear<Float> &at, int offset) {
+    using Traits = ArrayTraits<Float>;
+    using Index = typename Traits::Index;
+    const auto value = [&](int from) { return Traits::gather(data, Index(at.index + Index(offset + from))); };
     const Float far = at.b, near = Float(1) - at.b;  // convex sums: rounding never makes them negative
-    const Float lower = near * Float(q[0]) + far * Float(q[at.column_step]);
-    const Float upper = near * Float(r[0]) + far * Float(r[at.column_step]);
+    const Float lower = near * value(0) + far * value(at.column_step);
+    const Float upper = near * value(at.row_step) + far * value(at.row_step + at.column_step);
     return (Float(1) - at.a) * lower + at.a * upper;
 }
 

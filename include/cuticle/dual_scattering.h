@@ -10,29 +10,35 @@
 namespace cuticle {
 
 // Averages on inclinations i: -limit + 2 limit i / (rows - 1): [rows][channels][average_columns].
-template <class Scalar> struct AverageTable {
-    const Scalar *data;
+template <class Scalar, class Memory = const Scalar *> struct AverageTable {
+    Memory data;
     int rows;
     Scalar limit;
 };
 
-template <class Scalar> struct DualScatteringModel {
+template <class Scalar, class Memory = const Scalar *> struct DualScatteringModel {
     FibreLobes<Scalar> fibre;               // its form is longitudinal_of(formulation)
-    AzimuthalTable<Scalar> direct, spread;  // N_p and N^G_p
-    AverageTable<Scalar> averages;
+    AzimuthalTable<Memory> direct, spread;  // N_p and N^G_p
+    AverageTable<Scalar, Memory> averages;
     Formulation formulation;
     Scalar d_f, d_b;
 };
 
-template <class Float, class Scalar>
-CUTICLE_HD Averages<Float> averages_at(const AverageTable<Scalar> &table, const Float &theta, int channel, int channels) {
+template <class Float, class Scalar, class Memory>
+CUTICLE_HD Averages<Float> averages_at(const AverageTable<Scalar, Memory> &table, const Float &theta, int channel,
+                                       int channels) {
+    using Traits = ArrayTraits<Float>;
+    using Index = typename Traits::Index;
     const Float last = Float(table.rows - 1);
-    const Float x = math::clamp(Float((theta / table.limit + Float(1)) * Float(.5) * last), Float(0), last);
-    const int i = math::min(static_cast<int>(x), table.rows - 2);
+    const Float x = math::clamp(Float((theta / Float(table.limit) + Float(1)) * Float(.5) * last), Float(0), last);
+    const Index i = math::min(Traits::to_index(x), Index(table.rows - 2));
     const Float t = x - Float(i);
-    const Scalar *q = table.data + (i * channels + channel) * average_columns;
-    const Scalar *r = q + channels * average_columns;
-    const auto at = [&](int column) { return Float(q[column]) + t * Float(r[column] - q[column]); };
+    const Index first = (i * Index(channels) + Index(channel)) * Index(average_columns);
+    const auto at = [&](int column) {
+        const Float lower = Traits::gather(table.data, Index(first + Index(column)));
+        const Float upper = Traits::gather(table.data, Index(first + Index(column + channels * average_columns)));
+        return Float(lower + t * (upper - lower));
+    };
     return {at(0), at(1), at(2), at(3), at(4), at(5), at(6), at(7), at(8)};
 }
 
@@ -44,33 +50,35 @@ CUTICLE_HD Float backscatter(Formulation formulation, const Averages<Float> &a, 
     const bool exact = formulation == Formulation::exact;
     const Float m = longitudinal(longitudinal_of(formulation), theta_i, theta_r, Float(a.back_shift + shift),
                                  Float(a.back_deviation * a.back_deviation + variance));
-    return (exact ? Float(1) : Float(2)) * a.back_energy * m / pi<Float>;
+    return (exact ? Float(1) : Float(2)) * a.back_energy * m * Float(1 / pi<double>);
 }
 
 // What f is around the fibre for n >= 0 strands, whole or not, between it and the light: terms[channels].
-template <class Float, class Scalar>
-CUTICLE_HD void dual_scattering_terms(const DualScatteringModel<Scalar> &model, const Float &theta_i, const Float &theta_r,
-                                      const Float &strands, int lobes, AzimuthalTerms<Float> *terms) {
+template <class Float, class Scalar, class Memory>
+CUTICLE_HD void dual_scattering_terms(const DualScatteringModel<Scalar, Memory> &model, const Float &theta_i,
+                                      const Float &theta_r, const Float &strands, int lobes, AzimuthalTerms<Float> *terms) {
     const bool exact = model.formulation == Formulation::exact;
     const int channels = model.direct.channels;
     const Float lit = math::max(Float(Float(1) - strands), Float(0));  // directly lit share
     const Float n = math::max(strands, Float(1));
     // `exact` takes every average at the viewer's inclination, so that each part's energy is known in closed form.
     const Float inclination = azimuthal_inclination(model.fibre.form, theta_i, theta_r);
-    marschner_terms(model.fibre, theta_i, theta_r, lit > Float(0) ? lobes : 0, channels, terms);
+    const bool some_lit = ArrayTraits<Float>::any(lit > Float(0)), some_through = ArrayTraits<Float>::any(lit < Float(1));
+    marschner_terms(model.fibre, theta_i, theta_r, some_lit ? lobes : 0, channels, terms);
     for (int c = 0; c < channels; ++c) {
         const Averages<Float> a = averages_at(model.averages, inclination, c, channels);
         AzimuthalTerms<Float> &t = terms[c];
-        if (lit > Float(0)) {
+        if (some_lit) {
             if (lobes & mask_back)
                 t.constant =
                     lit * Float(model.d_b) * backscatter(model.formulation, a, theta_i, theta_r, Float(0), Float(0));
             for (int p = 0; p < lobe_count; ++p) t.weight[direct_rows][p] = lit * t.weight[direct_rows][p];
-            if (!(lit < Float(1))) continue;
         }
+        if (!some_through) continue;
         const Float spread = n * a.beta_f * a.beta_f, shift = exact ? Float(n * a.alpha_f) : Float(0);
         const Float density = Float(model.d_f) * (exact ? Float(1) : Float(model.d_f));  // printed twice: T_f holds one
-        const Float transmittance = math::decay(Float(n * math::log(math::max(a.a_f, std::numeric_limits<Float>::min()))));
+        const Float transmittance =
+            math::decay(Float(n * math::log(math::max(a.a_f, Float(std::numeric_limits<scalar_t<Float>>::min())))));
         const Float share = (Float(1) - lit) * density * transmittance;
         for (int p = 0; p < lobe_count; ++p)
             if (lobes & (1 << p))
@@ -78,20 +86,20 @@ CUTICLE_HD void dual_scattering_terms(const DualScatteringModel<Scalar> &model, 
                     share * longitudinal(model.fibre.form, theta_i, theta_r, Float(Float(model.fibre.alpha[p]) + shift),
                                          Float(Float(model.fibre.beta[p] * model.fibre.beta[p]) + spread));
         if (lobes & mask_back)
-            t.constant = t.constant + share * (exact ? Float(1) : pi<Float>)*Float(model.d_b) *
+            t.constant = t.constant + share * Float(exact ? 1. : pi<double>) * Float(model.d_b) *
                                           backscatter(model.formulation, a, theta_i, theta_r, shift, spread);
     }
 }
 
 // f in 1/sr, without a cosine, at phi into f[channels], from the terms.
-template <class Float, class Scalar>
-CUTICLE_HD void dual_scattering_around(const DualScatteringModel<Scalar> &model, const AzimuthalTerms<Float> *terms,
+template <class Float, class Scalar, class Memory>
+CUTICLE_HD void dual_scattering_around(const DualScatteringModel<Scalar, Memory> &model, const AzimuthalTerms<Float> *terms,
                                        const Float &theta_i, const Float &theta_r, const Float &phi, const Float &strands,
                                        Float *f) {
     const Float inclination = azimuthal_inclination(model.fibre.form, theta_i, theta_r);
     for (int c = 0; c < model.direct.channels; ++c) f[c] = terms[c].constant;
-    if (strands < Float(1)) add_rows(model.direct, terms, direct_rows, inclination, phi, f);
-    if (strands > Float(0)) add_rows(model.spread, terms, spread_rows, inclination, phi, f);
+    if (ArrayTraits<Float>::any(strands < Float(1))) add_rows(model.direct, terms, direct_rows, inclination, phi, f);
+    if (ArrayTraits<Float>::any(strands > Float(0))) add_rows(model.spread, terms, spread_rows, inclination, phi, f);
 }
 
 }  // namespace cuticle

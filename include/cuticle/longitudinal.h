@@ -9,7 +9,7 @@ enum class Longitudinal { gaussian, energy_conserving };
 
 // Normal density, per radian.
 template <class Float> CUTICLE_HD Float gaussian(const Float &x, const Float &variance) {
-    return math::decay(Float(-x * x / (Float(2) * variance))) / math::sqrt(Float(Float(2) * pi<Float> * variance));
+    return math::decay(Float(-x * x / (Float(2) * variance))) / math::sqrt(Float(Float(2 * pi<double>) * variance));
 }
 
 // exp(-x) I0(x), x >= 0: Abramowitz and Stegun 9.8.1 and 9.8.2, relative error below 5e-7.
@@ -47,7 +47,7 @@ CUTICLE_HD Float longitudinal(Longitudinal form, const Float &theta_i, const Flo
     if (form == Longitudinal::gaussian) {
         const Float c = math::cos(theta_difference(theta_i, theta_r));
         return gaussian(Float(theta_half(theta_i, theta_r) - alpha), variance) /
-               math::max(Float(c * c), std::numeric_limits<Float>::epsilon());
+               math::max(Float(c * c), Float(std::numeric_limits<scalar_t<Float>>::epsilon()));
     }
     const Float cone = half_angle_to_theta(alpha) - theta_r;
     return energy_conserving_m(theta_i, cone, Float(Float(4) * variance)) / math::cos_theta(theta_i);

@@ -50,8 +50,8 @@ CUTICLE_HD void marschner_terms(const FibreLobes<Scalar> &fibre, const Float &th
 }
 
 // Adds one table's part at phi to f[channels]; `inclination` is azimuthal_inclination.
-template <class Float, class Scalar>
-CUTICLE_HD void add_rows(const AzimuthalTable<Scalar> &table, const AzimuthalTerms<Float> *terms, AzimuthalRows rows,
+template <class Float, class Memory>
+CUTICLE_HD void add_rows(const AzimuthalTable<Memory> &table, const AzimuthalTerms<Float> *terms, AzimuthalRows rows,
                          const Float &inclination, const Float &phi, Float *f) {
     const Bilinear<Float> at = locate(table, inclination, phi);
     for (int c = 0; c < table.channels; ++c)
@@ -60,8 +60,8 @@ CUTICLE_HD void add_rows(const AzimuthalTable<Scalar> &table, const AzimuthalTer
 }
 
 // f in 1/sr, without a cosine, at phi into f[channels], from marschner_terms.
-template <class Float, class Scalar>
-CUTICLE_HD void marschner_around(const FibreLobes<Scalar> &fibre, const AzimuthalTable<Scalar> &table,
+template <class Float, class Scalar, class Memory>
+CUTICLE_HD void marschner_around(const FibreLobes<Scalar> &fibre, const AzimuthalTable<Memory> &table,
                                  const AzimuthalTerms<Float> *terms, const Float &theta_i, const Float &theta_r,
                                  const Float &phi, Float *f) {
     for (int c = 0; c < table.channels; ++c) f[c] = Float(0);

@@ -114,7 +114,7 @@ struct Model {
         model.d_b = d_b;
     }
 
-    static cuticle::AzimuthalTable<double> view(const In<double> &a) {
+    static cuticle::AzimuthalTable<const double *> view(const In<double> &a) {
         return {a.data(), static_cast<int>(a.shape(0)), static_cast<int>(a.shape(1)), static_cast<int>(a.shape(3))};
     }
 
