@@ -41,7 +41,7 @@ $(VENV)/.installed: $(NATIVE) | $(BIN)/python
 # The report is opened in a browser: Debian's is installed where that can be done, else the test says why it is skipped.
 BROWSER := chromium chromium-driver fonts-dejavu-core
 $(VENV)/.installed-test: $(VENV)/.installed
-	$(PIP) install 'hypothesis>=6' 'pytest>=8' 'selenium>=4.20'
+	$(PIP) install 'drjit==1.5.0' 'hypothesis>=6' 'pytest>=8' 'selenium>=4.20'
 	@if command -v chromium >/dev/null && command -v chromedriver >/dev/null; then :; \
 	elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
 		echo "installing $(BROWSER) for the report's test"; \

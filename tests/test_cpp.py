@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import shutil
 import subprocess
 from pathlib import Path
@@ -28,6 +29,27 @@ def test_compiles_without_a_warning_and_runs(name: str, compiler: str, tmp_path:
     assert built.returncode == 0, built.stderr
     assert built.stderr == ""
     ran = subprocess.run([str(program)], capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stdout
+
+
+def test_goes_through_the_arrays_of_drjit(tmp_path: Path) -> None:
+    compiler, found = shutil.which("g++"), importlib.util.find_spec("drjit")
+    if compiler is None or found is None or found.submodule_search_locations is None:
+        pytest.skip("g++ or the package drjit is not installed")
+    headers = Path(next(iter(found.submodule_search_locations))) / "include"
+    flags = [
+        "-std=c++17",
+        "-O2",
+        "-march=native",
+        f"-I{ROOT / 'include'}",
+        f"-isystem{headers}",
+        str(ROOT / "tests/cpp/drjit_arrays.cpp"),
+    ]
+    traced = [compiler, *flags, "-DTRACED", "-fPIC", "-c", "-o", str(tmp_path / "traced.o")]
+    built = subprocess.run(traced, capture_output=True, text=True, check=False)
+    assert built.returncode == 0, built.stderr
+    subprocess.run([compiler, *flags, "-o", str(tmp_path / "packets")], check=True)
+    ran = subprocess.run([str(tmp_path / "packets")], capture_output=True, text=True, check=False)
     assert ran.returncode == 0, ran.stdout
 
 

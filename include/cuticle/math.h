@@ -115,7 +115,7 @@ template <class T> CUTICLE_INLINE T decay_single(const T &x_) {
                               T(1.00000007f));
 }
 
-template <class T> CUTICLE_INLINE T decay(const T &x) { return exp(x); }
+template <class T> CUTICLE_INLINE T decay(const T &x) { return math::exp(x); }
 
 CUTICLE_HD inline float decay(float x) {
 #if defined(__CUDA_ARCH__) || defined(__HIP_DEVICE_COMPILE__)
@@ -159,13 +159,13 @@ CUTICLE_HD inline float erf(float x) { return erf_single(x); }
 
 // The inverse of erf to single precision: M. Giles, "Approximating the erfinv function" (2010).
 template <class T> CUTICLE_HD T erfinv_single(const T &p) {
-    const T w = -log(max(T((T(1) - p) * (T(1) + p)), T(5e-17)));
+    const T w = -math::log(max(T((T(1) - p) * (T(1) + p)), T(5e-17)));
     const T central = polynomial(T(w - T(2.5)), T(2.81022636e-08), T(3.43273939e-07), T(-3.5233877e-06), T(-4.39150654e-06),
                                  T(0.00021858087), T(-0.00125372503), T(-0.00417768164), T(0.246640727), T(1.50140941));
     if constexpr (std::is_arithmetic_v<T>)  // |p| > .9966: rare enough for a branch to pay on a scalar
         if (w < T(5)) return p * central;
     const T tail =
-        polynomial(T(sqrt(max(w, T(5))) - T(3)), T(-0.000200214257), T(0.000100950558), T(0.00134934322), T(-0.00367342844),
+        polynomial(T(math::sqrt(max(w, T(5))) - T(3)), T(-0.000200214257), T(0.000100950558), T(0.00134934322), T(-0.00367342844),
                    T(0.00573950773), T(-0.0076224613), T(0.00943887047), T(1.00167406), T(2.83297682));
     return p * select(w < T(5), central, tail);
 }
@@ -176,7 +176,7 @@ CUTICLE_HD inline float erfinv(float p) { return erfinv_single(p); }
 template <class T> CUTICLE_HD T erfinv(const T &p) {
     T z = erfinv_single(p);
     for (int step = 0; step < 2; ++step) {
-        const T e = (erf(z) - p) / (T(two_over_sqrt_pi<T>) * exp(T(-z * z)));
+        const T e = (math::erf(z) - p) / (T(two_over_sqrt_pi<T>) * math::exp(T(-z * z)));
         z = z - e / (T(1) + z * e);
     }
     return z;
@@ -194,7 +194,7 @@ template <class T> CUTICLE_HD T erfcx(const T &x) {
 
 // An angle less whole turns, to within rounding of [-pi, pi].
 template <class T> CUTICLE_HD T nearest_turn(const T &x) {
-    return x - T(2 * pi<double>) * floor(T(x * T(.5 / pi<double>) + T(.5)));
+    return x - T(2 * pi<double>) * math::floor(T(x * T(.5 / pi<double>) + T(.5)));
 }
 
 // An angle to (-pi, pi].
@@ -207,8 +207,8 @@ template <class T> CUTICLE_HD T wrap_angle(const T &x) {
 // float next to pi/2 is negative), held above the type's epsilon so that 1/cos stays finite.
 template <class T> CUTICLE_HD T cos_theta(const T &theta) {
     constexpr double low = 1.57079632679489661923 - static_cast<double>(half_pi<T>);
-    const T x = (T(half_pi<T>) - abs(theta)) + T(low);
-    return max(T(sin(x)), T(std::numeric_limits<scalar_t<T>>::epsilon()));
+    const T x = (T(half_pi<T>) - math::abs(theta)) + T(low);
+    return max(T(math::sin(x)), T(std::numeric_limits<scalar_t<T>>::epsilon()));
 }
 
 CUTICLE_HD inline float cos_theta(float theta) {
