@@ -38,7 +38,7 @@ err = Console(stderr=True)
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON for scripts instead of a table.")]
 FibreArgument = Annotated[
-    str, typer.Argument(metavar="PRESET|FILE.toml", help="A preset's name, or a TOML file with one table [fibre].")
+    str, typer.Argument(metavar="PRESET|FILE.toml", help="A preset's name, or a TOML file with a table named fibre.")
 ]
 
 

@@ -117,9 +117,13 @@ void normal_equations(const In<double> &q, const In<double> &theta, const In<dou
                     for (std::size_t m = 0; m < kinds; ++m) {
                         const double c = curvature[b] * g[m];
                         double *row = &second[m * kinds];
-                        for (std::size_t n = 0; n < kinds; ++n) row[n] += c * g[n];
+                        // The lower triangle, rounded up to whole vectors.
+                        const std::size_t stop = std::min(kinds, (m / 8 + 1) * 8);
+                        for (std::size_t n = 0; n < stop; ++n) row[n] += c * g[n];
                     }
                 }
+                for (std::size_t m = 0; m < kinds; ++m)
+                    for (std::size_t n = 0; n < m; ++n) second[n * kinds + m] = second[m * kinds + n];
                 for (const Parameter &d : products)
                     for (std::size_t k = 0; k < lobes; ++k)
                         scale[d.parameter * lobes + k] =
