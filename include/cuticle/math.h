@@ -165,8 +165,8 @@ template <class T> CUTICLE_HD T erfinv_single(const T &p) {
     if constexpr (std::is_arithmetic_v<T>)  // |p| > .9966: rare enough for a branch to pay on a scalar
         if (w < T(5)) return p * central;
     const T tail =
-        polynomial(T(math::sqrt(max(w, T(5))) - T(3)), T(-0.000200214257), T(0.000100950558), T(0.00134934322), T(-0.00367342844),
-                   T(0.00573950773), T(-0.0076224613), T(0.00943887047), T(1.00167406), T(2.83297682));
+        polynomial(T(math::sqrt(max(w, T(5))) - T(3)), T(-0.000200214257), T(0.000100950558), T(0.00134934322),
+                   T(-0.00367342844), T(0.00573950773), T(-0.0076224613), T(0.00943887047), T(1.00167406), T(2.83297682));
     return p * select(w < T(5), central, tail);
 }
 
