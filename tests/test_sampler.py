@@ -50,7 +50,7 @@ def test_pdf_integrates_to_one_at_every_viewer(document_fit: cuticle.Fit) -> Non
 
 @pytest.mark.parametrize("even", [True, False])
 def test_samples_follow_the_cells_of_the_closed_form_cdfs(even: bool) -> None:
-    from cuticle.check import _Cells
+    from cuticle.cells import Cells
 
     sampler = table(4, even, seed=2)
     cases = [(t, n) for t in (-1.4, 0.3, 1.2) for n in (0.0, 0.5, 1.0, 3.0)]
@@ -61,7 +61,7 @@ def test_samples_follow_the_cells_of_the_closed_form_cdfs(even: bool) -> None:
             theta, phi, _ = sampler.sample(
                 dtype(theta_r), u.astype(dtype).clip(0, np.nextafter(dtype(1), dtype(0))), strands
             )
-            assert _Cells(sampler, theta_r, strands).test(theta, phi)[2] >= level
+            assert Cells(sampler, theta_r, strands).test(theta, phi)[2] >= level
 
 
 def test_pdf_is_the_density_of_its_cells() -> None:

@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
-from cuticle import _core, validate
+from cuticle import validate
+from cuticle.cells import CELLS, Cells, widened
 from cuticle.distribution import luminance
 from cuticle.models import Bcsdf
 from cuticle.quadrature import gauss_legendre
 from cuticle.quality import Density, measure
-from cuticle.sampler import SIGMA_PHI, SIGMA_THETA, Sampler
+from cuticle.sampler import Sampler
 
 DEFAULT_ANGLES = np.radians([-85, -75, -60, -30, 0, 30, 60, 75, 85.0])
-CELLS = 40  # along each axis, of like probability
 CHANGE = 0.01  # total variation from which on a control has to be caught
-LEAST_EXPECTED = 10.0  # samples in a cell; smaller cells are pooled
 INTEGRAL_DOUBLE, INTEGRAL_SINGLE = 1e-5, 1e-4
 _PANELS = np.array([-8, -5.5, -4, -3, -2, -1, 0, 1, 2, 3, 4, 5.5, 8.0])[:, None]  # edges about a lobe's mean, in sigmas
 _HEAVY = 0.1  # share of Σ w² that one sample may have before the mean's normal error means nothing
@@ -204,77 +203,9 @@ def _draw(sampler: Sampler, theta_r: float, strands: float, samples: int, rng: n
     return tuple(sampler.sample(np.float32(theta_r), u, strands))
 
 
-class _Cells:
-    """Cells of like probability and what a sampler's closed-form cdfs expect in them."""
-
-    def __init__(self, sampler: Sampler, theta_r: float, strands: float) -> None:
-        self._sampler, self._theta_r, self._strands = sampler, theta_r, strands
-        self._weights = sampler.mixture(theta_r, strands).weight
-        axes = []
-        for cdf, end in ((sampler.cdf_theta, np.pi / 2), (sampler.cdf_phi, np.pi)):
-            x = np.linspace(-end, end, 4001)
-            total = sum(w * cdf(x, *self._at(k)) for k, w in enumerate(self._weights))
-            inner = np.interp(np.linspace(0, 1, CELLS + 1)[1:-1], total, x)
-            axes.append(np.unique(np.concatenate([[-end - 1e-6], inner, [end + 1e-6]])))
-        self.theta, self.phi = axes
-        theta, phi = self.theta.clip(-np.pi / 2, np.pi / 2), self.phi.clip(-np.pi, np.pi)
-        self.probability = sampler.cell_probabilities(theta, phi, theta_r, strands)
-
-    def _at(self, lobe: int) -> tuple[float, int, float]:
-        return self._theta_r, lobe, self._strands
-
-    def test(self, theta: NDArray, phi: NDArray) -> tuple[float, int, float]:
-        """Return chi-square and degrees of freedom over the cells, and a p-value of three tests.
-
-        Over the cells, over theta alone and over phi alone: the least of the three p-values times three. The last two
-        see with few degrees of freedom what runs along one axis.
-        """
-        counts = np.zeros(self.probability.shape, np.int64)
-        if _core.histogram(theta, phi, self.theta, self.phi, counts):
-            return np.inf, 1, 0.0
-        tests = [_chi_square(counts.sum(axis=a), self.probability.sum(axis=a) * len(theta)) for a in ((), 0, 1)]
-        return tests[0][0], tests[0][1], min(1.0, 3 * min(p for *_, p in tests))
-
-    def turned(self, shift: float) -> NDArray[np.float64]:
-        """Return the probabilities of the cells for the same sampler with phi turned by `shift`."""
-        at = (self.phi.clip(-np.pi, np.pi) - shift + np.pi) % (2 * np.pi) - np.pi
-        theta = self.theta.clip(-np.pi / 2, np.pi / 2)
-        total = np.zeros_like(self.probability)
-        for k, weight in enumerate(self._weights):
-            along_phi = np.diff(self._sampler.cdf_phi(at, *self._at(k))) % 1.0
-            total += weight * np.outer(np.diff(self._sampler.cdf_theta(theta, *self._at(k))), along_phi)
-        return total
-
-    def widened(self, lobe: int) -> NDArray[np.float64]:
-        """Return the probabilities of the cells with one lobe 5 % too wide."""
-        theta, phi = self.theta.clip(-np.pi / 2, np.pi / 2), self.phi.clip(-np.pi, np.pi)
-        return widened(self._sampler, lobe, 1.05).cell_probabilities(theta, phi, self._theta_r, self._strands)
-
-    def distance(self, probability: NDArray[np.float64]) -> float:
-        """Return the total variation distance of these cells from other probabilities of them."""
-        return 0.5 * float(np.abs(probability - self.probability).sum())
-
-
-def _chi_square(counts: NDArray, expected_counts: NDArray) -> tuple[float, int, float]:
-    expected, observed = expected_counts.ravel(), counts.ravel().astype(np.float64)
-    small = expected < LEAST_EXPECTED
-    kept_e, kept_o = expected[~small], observed[~small]
-    if small.any():
-        rest_e, rest_o = expected[small].sum(), observed[small].sum()
-        if rest_e < LEAST_EXPECTED:  # too few even together: into the smallest cell that counts
-            at = np.argmin(kept_e)
-            kept_e[at] += rest_e
-            kept_o[at] += rest_o
-        else:
-            kept_e, kept_o = np.append(kept_e, rest_e), np.append(kept_o, rest_o)
-    chi2 = float(((kept_o - kept_e) ** 2 / kept_e).sum())
-    dof = len(kept_e) - 1
-    return chi2, dof, float(stats.chi2.sf(chi2, dof)) if dof else 1.0
-
-
 def _case(sampler: Sampler, model: Bcsdf, theta_r: float, strands: float, samples: int, rng: np.random.Generator) -> Case:
     theta, phi, p = _draw(sampler, theta_r, strands, samples, rng)
-    chi2, dof, p_value = _Cells(sampler, theta_r, strands).test(theta, phi)
+    chi2, dof, p_value = Cells(sampler, theta_r, strands).test(theta, phi)
     quality = measure(sampler, model, theta_r, strands)
     count = min(samples, 100_000)
     ti = theta[:count].astype(np.float64)
@@ -315,16 +246,9 @@ class _Scaled:
         return self._factor * self._sampler.pdf(theta_i, theta_r, phi, strands)
 
 
-def widened(sampler: Sampler, lobe: int, factor: float) -> Sampler:
-    """Return a sampler with one lobe's widths scaled: a negative control."""
-    nodes = sampler.nodes.copy()
-    nodes[:, :, [SIGMA_THETA, SIGMA_PHI], lobe] *= factor
-    return replace(sampler, nodes=nodes)
-
-
 def _controls(sampler: Sampler, strands: float, samples: int, each: float, rng: np.random.Generator) -> list[Control]:
     theta_r = 0.0
-    cells = _Cells(sampler, theta_r, strands)
+    cells = Cells(sampler, theta_r, strands)
     wide = [cells.distance(cells.widened(k)) for k in range(sampler.lobes)]
     lobe, half_bin = int(np.argmax(wide)), np.pi / CELLS
     theta, phi, _ = _draw(widened(sampler, lobe, 1.05), theta_r, strands, samples, rng)
