@@ -7,13 +7,15 @@ import math
 import shutil
 import subprocess
 from collections.abc import Callable
-from itertools import pairwise
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.text import Text
 
 import cuticle
 from cuticle.document import (
@@ -36,6 +38,7 @@ from cuticle.document.figures import (
     figure_comparison,
     figure_functions,
     figure_mixing,
+    figures,
     image,
 )
 from cuticle.fit import DRAFT, ClosedForm, Term
@@ -353,12 +356,21 @@ def test_figures_are_drawn_each_by_one_function(reproduced: Document, tmp_path: 
         assert image(figure, "png").startswith(b"\x89PNG")
         for text in figure.findobj(match=lambda artist: hasattr(artist, "get_text")):
             assert "nan" not in text.get_text()  # type: ignore[attr-defined]
-    # Labels of neighbouring maps do not run into each other.
-    figure = drawn["1"]
-    figure.canvas.draw()
-    for row in np.array(figure.axes[:35]).reshape(5, 7)[4:]:
-        boxes = [label.get_window_extent() for ax in row for label in ax.get_xticklabels()]
-        assert all(a.x1 <= b.x0 + 2 for a, b in pairwise(boxes))
+
+
+def test_no_label_runs_into_another(reproduced: Document) -> None:
+    for name, (figure, _) in figures(reproduced).items():
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        boxes = []
+        for text in figure.findobj(match=lambda artist: isinstance(artist, Text)):
+            box = text.get_window_extent(canvas.get_renderer())
+            if text.get_text().strip() and text.get_visible() and figure.bbox.overlaps(box):
+                boxes.append((text.get_text(), box))
+        assert len(boxes) > 20
+        for (first, p), (second, q) in combinations(boxes, 2):
+            apart = p.x0 >= q.x1 - 1 or q.x0 >= p.x1 - 1 or p.y0 >= q.y1 - 1 or q.y0 >= p.y1 - 1
+            assert apart or first == second, (name, first, second)  # a legend's text is found twice
 
 
 @pytest.mark.parametrize(
