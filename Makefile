@@ -35,7 +35,7 @@ $(BIN)/python:
 # Compiled for this machine: the extension stays in .venv.
 $(VENV)/.installed: $(NATIVE) | $(BIN)/python
 	@echo "setting up $(VENV): compiling the core takes a minute"
-	$(PIP) install -C cmake.define.CUTICLE_NATIVE=ON -e .
+	$(PIP) install --config-settings=cmake.define.CUTICLE_NATIVE=ON -e .
 	@touch $@
 
 # The report is opened in a browser: Debian's is installed where that can be done, else the test says why it is skipped.
