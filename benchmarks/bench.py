@@ -109,6 +109,7 @@ def main() -> None:
     document = cuticle.fit(model, form="document", strands=STRANDS)
 
     cases = [(f"K={k}, {label}", fits[k].sampler, n) for k in LOBES for label, n in (("direct", 0.0), ("n=3", 3.0))]
+    cases.append(("K=4, n=0.5", fits[4].sampler, 0.5))  # where two mixtures are blended
     cases.append(("document, direct", document.sampler, 0.0))
     found = costs(cases, model, arguments.rounds)
     unit = found["calibration"]
