@@ -14,7 +14,7 @@ import jinja2
 import numpy as np
 
 import cuticle
-from cuticle.document import Choice, Printed, find_functions, fit_form, fit_gaussian, table_2
+from cuticle.document import Choice, Printed, find_functions, fit_gaussian, table_2
 from cuticle.document.figures import figures, image
 from cuticle.document.tables import around, near_pole
 
@@ -89,12 +89,7 @@ def context(d: cuticle.Document, printed: Printed) -> dict[str, Any]:
     rows_2 = [r for r in data["table_2"]["rows"] if r["sigma_V"]["printed"] is not None]
     rows_3 = [r for r in data["table_3"]["rows"] if r["sigma"]["printed"] is not None]
     inner_1 = [r for r in data["table_1"]["rows"] if abs(r["theta_r_deg"]) <= 60]
-    t = np.radians([k[0] for k in printed.table_2])
-    sigma_v, shift = (np.array([v[i] for v in printed.table_2.values()]) for i in (1, 5))
-    line = fit_form([("θ", ""), ("1", "")], t, np.radians(shift))
-    quartic = fit_form([("θ⁴", ""), ("1", "")], t, sigma_v)
-    assert line is not None
-    assert quartic is not None
+    draft = printed.draft_forms()
     beside = []
     for per in ("steradian", "radian"):
         found = find_functions(table_2(d.model, axis=d.axis, per=per), d.table_3, d.axis)
@@ -125,8 +120,8 @@ def context(d: cuticle.Document, printed: Printed) -> dict[str, Any]:
         "residual_80": f"{100 * max(r['residual_V'] for r in data['table_2']['rows'] if abs(r['theta_r_deg']) == 80):.1f}",
         "printed_functions": functions(d.printed_choices),
         "own_functions": functions(d.found.choices),
-        "line": line.text(degrees=True),
-        "quartic": quartic.text(),
+        "line": draft["mu_H"].text(degrees=True),
+        "quartic": draft["sigma_V"].text(),
         "shader": data["shader"],
         "steradian": beside[0],
         "radian": beside[1],

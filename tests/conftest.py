@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import cuticle
+from cuticle.document import Document, Printed, document
 
 COUNTS = (0.0, 1.0, 2.0, 4.0, 8.0)
 
@@ -27,6 +28,12 @@ def document_fit(document_model: cuticle.DualScattering) -> cuticle.Fit:
 def sharp_fit() -> tuple[cuticle.DualScattering, cuticle.Fit]:
     model = cuticle.DualScattering(cuticle.Fibre(alpha_R=-7.5, beta_R=7.5, sigma_a=0.6, beta_N=3))
     return model, cuticle.fit(model, 8, strands=COUNTS)
+
+
+@pytest.fixture(scope="session")
+def reproduced(document_model: cuticle.DualScattering, document_fit: cuticle.Fit) -> Document:
+    """The draft for its own fibre, beside the printed tables where they are at hand."""
+    return document(document_model, printed=Printed.find(), lobes=document_fit, name="document")
 
 
 @pytest.fixture(scope="session")

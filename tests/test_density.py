@@ -76,6 +76,27 @@ def test_the_mean_is_that_of_counted_strands(make: Callable[[], Groom]) -> None:
     assert np.corrcoef(exact, found)[0, 1] >= 0.75
 
 
+@pytest.mark.parametrize(
+    ("tensor", "counted_share", "too_high"),
+    [
+        ((1, 0, 0), 0.0, None),  # all along the ray
+        ((0, 1, 0), 1.0, 0.0),  # all across it
+        ((1 / 3, 1 / 3, 1 / 3), math.pi / 4, 0.04),  # everywhere alike: the mean of |sin|
+        ((0.5, 0.5, 0), 0.5, 0.41),  # half along, half across
+    ],
+)
+def test_the_rate_is_as_high_as_the_header_says(
+    tensor: tuple[float, ...], counted_share: float, too_high: float | None
+) -> None:
+    cells = np.array([*tensor, 0, 0, 0], np.float32).reshape(1, 1, 1, 6)
+    grid = DensityGrid(cells, np.zeros(3, np.float32), np.ones(3, np.float32))
+    found = float(grid.strands([-1, 0.5, 0.5], [1, 0, 0]))
+    if too_high is None:
+        assert found <= 1e-6
+    else:
+        assert found / counted_share - 1 == pytest.approx(too_high, abs=0.005)  # two digits are told
+
+
 def test_counts_add_up_along_a_ray() -> None:
     groom = wavy_lock(500)
     grid = DensityGrid.build(groom)

@@ -7,15 +7,12 @@ import math
 import shutil
 import subprocess
 from collections.abc import Callable
-from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.text import Text
 
 import cuticle
 from cuticle.document import (
@@ -24,38 +21,19 @@ from cuticle.document import (
     document,
     find_form,
     find_functions,
-    fit_form,
     fit_gaussian,
     highlight_axis,
     table_1,
     table_2,
     table_3,
 )
-from cuticle.document.figures import (
-    figure_1,
-    figure_2,
-    figure_3,
-    figure_comparison,
-    figure_functions,
-    figure_mixing,
-    figures,
-    image,
-)
 from cuticle.fit import DRAFT, ClosedForm, Term
 from cuticle.fit.document import THETA
-
-COUNTS = (0.0, 1.0, 2.0, 4.0, 8.0)
 
 
 @pytest.fixture(scope="module")
 def printed(data: Path) -> Printed:
     return Printed.load(data / "document")
-
-
-@pytest.fixture(scope="module")
-def reproduced(document_fit: cuticle.Fit) -> Document:
-    found = Printed.find()
-    return document("document", printed=found, lobes=document_fit)
 
 
 @pytest.fixture(scope="module")
@@ -124,6 +102,7 @@ def test_table_2_is_met(document_model: cuticle.DualScattering, printed: Printed
         assert abs(math.degrees(r.shift) - shift) <= 2
         assert abs(r.horizontal.sigma - sigma_h) <= 0.05
         assert abs(r.vertical.sigma - sigma_v) <= (0.15 if abs(theta_r) <= 40 else 0.3)
+        # s goes with sigma and with the fibre, which is a guess: 14 % and 33 % at worst.
         assert r.vertical.scale == pytest.approx(s_v, rel=0.2)
         assert r.horizontal.scale == pytest.approx(s_h, rel=0.35)
         compared += 1
@@ -160,14 +139,10 @@ def test_table_3_is_met_for_one_and_two_strands(document_model: cuticle.DualScat
 
 
 def test_least_squares_on_the_printed_table_2(printed: Printed) -> None:
-    t = np.radians([k[0] for k in printed.table_2])
-    sigma_v, shift = (np.array([v[i] for v in printed.table_2.values()]) for i in (1, 5))
-    line = fit_form([("θ", ""), ("1", "")], t, np.radians(shift))
-    quartic = fit_form([("θ⁴", ""), ("1", "")], t, sigma_v)
-    assert line is not None
-    assert quartic is not None
-    np.testing.assert_allclose(np.degrees([c.coefficient for c in line.terms]), [3.03, -2.20], rtol=0.01)
-    np.testing.assert_allclose([c.coefficient for c in quartic.terms], [0.225, 0.619], rtol=0.01)
+    forms = printed.draft_forms()
+    line, quartic = ([c.coefficient for c in forms[name].terms] for name in ("mu_H", "sigma_V"))
+    np.testing.assert_allclose(np.degrees(line), [3.03, -2.20], rtol=0.01)
+    np.testing.assert_allclose(quartic, [0.225, 0.619], rtol=0.01)
 
 
 def test_the_drafts_own_functions_are_found_from_its_table(printed: Printed) -> None:
@@ -337,40 +312,6 @@ def test_without_the_printed_tables_all_else_stands(brown: Document) -> None:
     assert data["functions"] is not None
     assert data["functions_from_printed"] is None
     assert all(r["sigma_V"]["printed"] is None and r["sigma_V"]["difference"] is None for r in data["table_2"]["rows"])
-
-
-def test_figures_are_drawn_each_by_one_function(reproduced: Document, tmp_path: Path) -> None:
-    d, own = reproduced, reproduced.fits["found"].sampler
-    drawn = {
-        "1": figure_1(d.model, cells=(20, 30)),
-        "2": figure_2(d.model, 4, cells=(20, 30)),
-        "3": figure_3(d.model, strands=(1, 8), theta_r=(0, 60)),
-        "functions": figure_functions(d.table_2, d.found.functions if d.found else None),
-        "comparison": figure_comparison(d.model, own, d.fits["lobes"].sampler, theta_r=-45, strands=(0, 8)),
-        "mixing": figure_mixing(d.mixing),
-    }
-    maps = [len(drawn[k].axes) for k in ("1", "2", "3", "comparison")]
-    assert maps == [36, 36, 4, 10 + 3]  # maps and colour bars
-    for figure in drawn.values():
-        assert image(figure, "svg") == image(figure, "svg")  # the same bytes every time
-        assert image(figure, "png").startswith(b"\x89PNG")
-        for text in figure.findobj(match=lambda artist: hasattr(artist, "get_text")):
-            assert "nan" not in text.get_text()  # type: ignore[attr-defined]
-
-
-def test_no_label_runs_into_another(reproduced: Document) -> None:
-    for name, (figure, _) in figures(reproduced).items():
-        canvas = FigureCanvasAgg(figure)
-        canvas.draw()
-        boxes = []
-        for text in figure.findobj(match=lambda artist: isinstance(artist, Text)):
-            box = text.get_window_extent(canvas.get_renderer())
-            if text.get_text().strip() and text.get_visible() and figure.bbox.overlaps(box):
-                boxes.append((text.get_text(), box))
-        assert len(boxes) > 20
-        for (first, p), (second, q) in combinations(boxes, 2):
-            apart = p.x0 >= q.x1 - 1 or q.x0 >= p.x1 - 1 or p.y0 >= q.y1 - 1 or q.y0 >= p.y1 - 1
-            assert apart or first == second, (name, first, second)  # a legend's text is found twice
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import cuticle
-from cuticle.document import Printed, document
+from cuticle.document import Document
 from cuticle.report.page import LIMIT, number, write_report
 
 SHOTS = Path(__file__).parents[1] / "out" / "report"
@@ -23,7 +23,10 @@ SHOTS = Path(__file__).parents[1] / "out" / "report"
 
 @pytest.fixture(scope="module")
 def folder(
-    tmp_path_factory: pytest.TempPathFactory, document_model: cuticle.DualScattering, document_fit: cuticle.Fit
+    tmp_path_factory: pytest.TempPathFactory,
+    document_model: cuticle.DualScattering,
+    document_fit: cuticle.Fit,
+    reproduced: Document,
 ) -> Path:
     from cuticle.cli import fit_summary
 
@@ -32,7 +35,7 @@ def folder(
     (target / "fit.json").write_text(json.dumps(fit_summary(document_fit)))
     report = cuticle.check(document_fit.sampler, document_model, theta_r=np.radians([-60, 0, 75]), samples=200_000)
     (target / "check.json").write_text(json.dumps(report.to_dict()))
-    document(document_model, printed=Printed.find(), lobes=document_fit, name="document").save(target)
+    reproduced.save(target)
     write_report(target)
     return target
 
@@ -127,6 +130,7 @@ def test_what_results_say_is_text_not_markup(folder: Path, tmp_path: Path) -> No
         ("fit.json", lambda t: "{}", "is not what `cuticle fit"),
         ("check.json", lambda t: t.replace('"verdicts"', '"other"'), "is not what `cuticle check"),
         ("document.json", lambda t: t.replace('"combined"', '"other"'), "is not what `cuticle document"),
+        ("document.json", lambda t: t.replace('"version": 1', '"version": 2'), "has version 2, newer than 1; upgrade"),
         ("document.json", lambda t: t.replace("figures/figure1.svg", "figures/gone.svg"), "cannot read figure"),
     ],
 )

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from cuticle import _core
-from cuticle.sampler import SIGMA_PHI, SIGMA_THETA, Sampler
+from cuticle.lobe_table import SIGMA_PHI, SIGMA_THETA
+from cuticle.sampler import Sampler
 
 CELLS = 40  # along each axis, of like probability
 LEAST_EXPECTED = 10.0  # samples in a cell; smaller cells are pooled

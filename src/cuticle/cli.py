@@ -22,9 +22,10 @@ from cuticle.document import Document, Printed, document
 from cuticle.fibre import Fibre
 from cuticle.files import read_text, writable_directory, write_bytes, write_text
 from cuticle.fit import FORMS, OBJECTIVES, Fit, fit
+from cuticle.lobe_table import MAX_LOBES
 from cuticle.models import DualScattering, Marschner
 from cuticle.presets import PRESETS
-from cuticle.sampler import MAX_LOBES, Sampler
+from cuticle.sampler import Sampler
 
 app = typer.Typer(
     help="Importance samplers for hair fibres: fitted to a scattering function, and proven.",

@@ -7,13 +7,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
 
 from cuticle import validate
 from cuticle.distribution import evaluate, luminance
+from cuticle.lobe_table import MAX_LOBES, WEIGHT
 from cuticle.models import Bcsdf
 from cuticle.quadrature import Grid, adapted_edges, grid
 from cuticle.quality import Density
-from cuticle.sampler import MAX_LOBES, WEIGHT, Sampler
+from cuticle.sampler import Sampler
 
 _MOST_NODES = 2000
 _ORDER = 3
@@ -84,20 +86,17 @@ def combine(direct: Sampler, multiple: Sampler, weight: float, *, strands: float
         own = _refine(s.nodes, steps)
         own[:, :, WEIGHT] *= share
         nodes.append(own)
-        energy += share * _refine(s.energy[..., None, None], steps)[..., 0, 0]
+        energy += share * _refine(s.energy, steps)
     about: dict[str, Any] = {k: v for k, v in direct.about.items() if k in ("fibre", "formulation", "model")}
     covers = [0.0, *(sorted({n for n in multiple.strands if n > 0}) if strands is None else [strands])]
     about |= {"form": "combined", "weight": weight, "covers": covers}
     return Sampler(np.concatenate(nodes, axis=3), energy, (0.0,), direct.even, about)
 
 
-def _refine(nodes: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
+def _refine(table: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
     """Return the same piecewise linear table on more nodes: (1, nodes, …) -> (1, steps + 1, …)."""
-    old = nodes.shape[1] - 1
-    x = np.arange(steps + 1) * old / steps
-    i = np.minimum(x.astype(np.intp), old - 1)
-    t = (x - i)[None, :, None, None]
-    return (1 - t) * nodes[:, i] + t * nodes[:, i + 1]
+    lines = make_interp_spline(np.linspace(0, steps, table.shape[1]), table, k=1, axis=1)
+    return lines(np.arange(steps + 1))
 
 
 def mixed_ess(

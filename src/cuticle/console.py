@@ -79,12 +79,6 @@ def document_tables(plain: dict[str, Any]) -> list[Table]:
             texts.append(text if printed is None else f"{text} [dim]{printed:g} ({row[name]['difference']:+.{digits}f})[/]")
         return texts
 
-    def remark(row: dict[str, Any], *names: str) -> str:
-        if row["holds"]:
-            return ""
-        known = [100 * row[n] for n in names if row[n] is not None]
-        return f"no Gaussian, residual {max(known):.1f} %" if known else "no Gaussian, peak on the edge"
-
     def rms(cells: dict[str, float | None]) -> str:
         known = ", ".join(f"{k} {v:.3g}" for k, v in cells.items() if v is not None)
         return f"rms difference: {known}" if known else ""
@@ -102,13 +96,13 @@ def document_tables(plain: dict[str, Any]) -> list[Table]:
         two.add_column(column, justify="right")
     names = (("s_V", 2), ("sigma_V", 2), ("shift_V_deg", 0), ("s_H", 2), ("sigma_H", 2), ("shift_H_deg", 1))
     for r in plain["table_2"]["rows"]:
-        two.add_row(f"{r['theta_r_deg']}", *values(r, names), remark(r, "residual_V", "residual_H"))
+        two.add_row(f"{r['theta_r_deg']}", *values(r, names), r["note"])
     three = table(f"Table 3: one Gaussian through n strands{aside}", rms(plain["table_3"]["rms_within_60_deg"]))
     for column in ("n", "theta_r", "s", "sigma", "shift", ""):
         three.add_column(column, justify="right")
     for r in plain["table_3"]["rows"]:
         cells = values(r, (("s", 4), ("sigma", 3), ("shift_deg", 1)))
-        three.add_row(f"{r['strands']:g}", f"{r['theta_r_deg']}", *cells, remark(r, "residual"))
+        three.add_row(f"{r['strands']:g}", f"{r['theta_r_deg']}", *cells, r["note"])
     functions = table("The general functions: theta = theta_r in radians", plain["no_functions_because"])
     for column in ("", "function", "rms, rad", "next best"):
         functions.add_column(column)

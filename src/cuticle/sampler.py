@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -18,11 +17,8 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from cuticle import _core, validate
 from cuticle.fibre import Fibre
 from cuticle.files import read_text, write_text
+from cuticle.lobe_table import PARAMETERS, WEIGHT, check_table
 
-# The order of include/cuticle/lobes.h: both coordinates of a kind side by side.
-PARAMETERS = ("weight", "mean_theta", "mean_phi", "sigma_theta", "sigma_phi")
-WEIGHT, MEAN_THETA, MEAN_PHI, SIGMA_THETA, SIGMA_PHI = range(5)
-MAX_LOBES = 32
 FORMAT = "cuticle-sampler"
 FORMAT_VERSION = 1
 _SIZES = (1, 2, 4, 8, 16, 32)  # numbers of lobes that the core is compiled for
@@ -100,7 +96,7 @@ class Sampler:
         nodes = np.array(self.nodes, np.float64)
         energy = np.array(self.energy, np.float64)
         object.__setattr__(self, "strands", tuple(float(n) for n in self.strands))
-        _check_table(nodes, energy, self.strands, self.even)
+        check_table(nodes, energy, self.strands, self.even)
         for name, value in (("nodes", nodes), ("energy", energy)):
             value.setflags(write=False)
             object.__setattr__(self, name, value)
@@ -134,14 +130,12 @@ class Sampler:
             A count between 0 and the next row's, where two mixtures are blended and no one row holds both.
         """
         n = validate.number("strands", strands, 0, validate.MAX_STRANDS)
-        counts = np.array(self.strands)
-        if self._blends and 0 < n < min(counts[1], 1):
-            raise ValueError(f"strands must be 0 or at least {min(counts[1], 1):g} for one row, got {n:g}")
-        upper = int(np.clip(np.searchsorted(counts, n), 0, len(counts) - 1))
-        lower = max(upper - 1, 1 if self._blends and n > 0 else 0)
-        s = 1.0 if upper <= lower else float(np.clip((n - counts[lower]) / (counts[upper] - counts[lower]), 0, 1))
-        nodes, energy = ((1 - s) * a[[lower]] + s * a[[upper]] for a in (self.nodes, self.energy))
-        return Sampler(nodes, energy, (n,), self.even, self.about)
+        angles = np.linspace(-validate.HALF_PI, validate.HALF_PI, self.nodes.shape[1])
+        mixtures = [np.array(self.mixture(float(t), n)) for t in angles]  # the core interpolates
+        if mixtures[0].shape[1] > self.lobes:
+            raise ValueError(f"strands must be 0 or at least {min(self.strands[1], 1):g} for one row, got {n:g}")
+        energy = [np.interp(n, self.strands, e) for e in self.energy.T]
+        return Sampler(np.array([mixtures]), np.array([energy]), (n,), self.even, self.about)
 
     def pdf(self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike, strands: ArrayLike | None = None) -> NDArray:
         """Return the density of a direction, per steradian (d omega = cos(theta_i) d theta_i d phi).
@@ -370,41 +364,3 @@ class Sampler:
 
 def _refuse_constant(name: str) -> None:
     raise ValueError(f"it holds {name}, which is not a number a table can have")
-
-
-def _check_table(nodes: NDArray, energy: NDArray, strands: Sequence[float], even: bool) -> None:
-    if nodes.ndim != 4 or nodes.shape[0] != len(strands) or nodes.shape[2] != len(PARAMETERS):
-        raise ValueError(
-            f"nodes must have shape ({len(strands)} strand counts, theta nodes, {len(PARAMETERS)}, lobes), got {nodes.shape}"
-        )
-    if nodes.shape[1] < 2 or not 1 <= nodes.shape[3] <= MAX_LOBES:
-        raise ValueError(f"nodes needs at least 2 theta nodes and 1 to {MAX_LOBES} lobes, got shape {nodes.shape}")
-    if energy.shape != nodes.shape[:2]:
-        raise ValueError(f"energy must have shape {nodes.shape[:2]}, got {energy.shape}")
-    if not np.isfinite(nodes).all():
-        row, node, parameter, lobe = (int(i) for i in np.argwhere(~np.isfinite(nodes))[0])
-        raise ValueError(f"nodes[{row}][{node}] {PARAMETERS[parameter]} of lobe {lobe} is not a finite number")
-    if not (np.isfinite(energy).all() and (energy > 0).all()):
-        raise ValueError("energy must be finite and above 0 everywhere")
-    counts = np.array(strands)
-    if not np.isfinite(counts).all() or (counts < 0).any() or (np.diff(counts) <= 0).any():
-        raise ValueError(f"strands must be increasing counts from 0 on, got {list(strands)}")
-    weight, mean_t, mean_p, sigma_t, sigma_p = np.moveaxis(nodes, 2, 0)
-    if (weight < 0).any() or not np.allclose(weight.sum(axis=-1), 1, rtol=0, atol=1e-6):
-        raise ValueError(
-            f"weights must be at least 0 and sum to 1 at every node, got {weight.min():g} to {weight.sum(-1).max():g}"
-        )
-    for name, sigma in (("sigma_theta", sigma_t), ("sigma_phi", sigma_p)):
-        if (sigma < 1e-4).any() or (sigma > 1e3).any():
-            raise ValueError(f"{name} must be in [0.0001, 1000] radians, got {sigma.min():g} to {sigma.max():g}")
-    tolerance = 1 + 1e-6
-    outside = [("mean_theta", np.abs(mean_t) - math.pi / 2, sigma_t)]
-    if even:
-        outside.append(("mean_phi", np.maximum(-mean_p, mean_p - math.pi), sigma_p))
-    for name, distance, sigma in outside:
-        if (distance > tolerance * sigma).any():
-            raise ValueError(
-                f"{name} must lie in its domain or at most one sigma outside, got {float(np.max(distance / sigma)):g} sigma"
-            )
-    if not even and (np.abs(mean_p) > 2 * math.pi).any():
-        raise ValueError(f"mean_phi must be within ±2 pi, got up to {float(np.abs(mean_p).max()):g}")

@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cuticle.combine import combine, mixed_ess
 from cuticle.cost import UNIFORM, measure_costs
@@ -21,6 +21,7 @@ from cuticle.document.gaussians import Gaussian, fit_gaussian
 from cuticle.document.plain import plain
 from cuticle.document.printed import Printed
 from cuticle.document.tables import (
+    VIEWERS,
     PeakRow,
     SliceRow,
     StrandRow,
@@ -31,7 +32,7 @@ from cuticle.document.tables import (
 )
 from cuticle.fibre import Fibre
 from cuticle.files import writable_directory, write_bytes, write_text
-from cuticle.fit import Fit, fit
+from cuticle.fit import Fit, Progress, fit
 from cuticle.models import DualScattering
 from cuticle.quality import UniformSphere, measure
 
@@ -62,9 +63,7 @@ COUNTS = (0.0, 1.0, 2.0, 4.0, 8.0)  # that samplers are fitted for
 SHARES = (0.0, 0.1, 0.25, 0.5, 0.75, 0.9, 1.0)
 WEIGHTS = (0.1, 0.25, 0.5, 0.75, 0.9)
 KNOWN_STRANDS = 2.0
-_VIEWERS = np.radians([-60.0, -30.0, 0.0, 30.0, 60.0])
 _MIX_VIEWERS = np.radians([-60.0, 0.0, 60.0])
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)
@@ -232,8 +231,8 @@ def document(
         judge.width_claim(two),
         judge.turning_claim(one),
         judge.azimuth_claim(model, COUNTS[1:]),
-        judge.match_claim(quality),
-        judge.uniform_claim(quality, costs),
+        judge.match_claim(quality, fits["lobes"].sampler.lobes),
+        judge.uniform_claim(quality, costs, fits["lobes"].sampler.lobes),
     )
     report("combining", 0.85)
     mixing = tuple(_mixing(model, fits["lobes"], n) for n in (KNOWN_STRANDS, None))
@@ -258,16 +257,20 @@ def document(
 
 
 def _quality(model: DualScattering, fits: dict[str, Fit]) -> dict[str, dict[str, dict[str, float]]]:
-    quality: dict[str, dict[str, dict[str, float]]] = {}
-    samplers = {"uniform": UniformSphere(), **{name: f.sampler for name, f in fits.items()}}
-    for name, sampler in samplers.items():
-        quality[name] = {}
-        for n in COUNTS:
-            found = [measure(sampler, model.with_strands(n), float(t), n) for t in _VIEWERS]  # type: ignore[arg-type]
-            quality[name][f"{n:g}"] = {
-                "ess": float(np.mean([q.ess for q in found])),
-                "total_variation": float(np.mean([q.total_variation for q in found])),
-            }
+    """Return the uniform sphere's quality and that of the fits, who measured theirs already."""
+
+    def means(ess: NDArray[np.float64], variation: NDArray[np.float64]) -> dict[str, dict[str, float]]:
+        return {
+            f"{n:g}": {"ess": float(e.mean()), "total_variation": float(v.mean())}
+            for n, e, v in zip(COUNTS, ess, variation, strict=True)
+        }
+
+    uniform = [[measure(UniformSphere(), model.with_strands(n), float(t), n) for t in VIEWERS] for n in COUNTS]
+    pairs = np.array([[(q.ess, q.total_variation) for q in row] for row in uniform])
+    quality = {"uniform": means(pairs[..., 0], pairs[..., 1])}
+    for name, found in fits.items():
+        at = np.isin(found.theta_r.round(9), VIEWERS.round(9))
+        quality[name] = means(found.ess[:, at], found.total_variation[:, at])
     return quality
 
 

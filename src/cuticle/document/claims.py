@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 
 from cuticle.distribution import tabulate
-from cuticle.document.tables import PeakRow, SliceRow
+from cuticle.document.tables import USED, VIEWERS, PeakRow, SliceRow
 from cuticle.fit import sampling_cost
 from cuticle.models import Bcsdf
 
 HOLDS, PARTLY, FAILS = "holds", "holds in part", "does not hold"
-_VIEWERS = np.radians([-60.0, -30.0, 0.0, 30.0, 60.0])
 _PATH = sampling_cost(0) - sampling_cost(0, path=0.0)  # kernels for the ray behind a sample
 
 
@@ -31,16 +30,20 @@ class Claim:
 
 def shift_claim(rows: Sequence[SliceRow]) -> Claim:
     """Judge the azimuthal shift of 0."""
-    inner = [r for r in rows if abs(r.theta_r) <= math.radians(70.5)]
+    inner = [r for r in rows if abs(r.theta_r) <= math.radians(USED + 0.5)]
     offsets = {round(math.degrees(r.theta_r)): math.degrees(r.peak_offset) for r in inner}
     worst = max(offsets, key=lambda t: offsets[t])
     normal = offsets[0]
+    maximum = (
+        f"The maximum itself lies within {offsets[worst]:.1f}° of the axis."
+        if offsets[worst] <= 2
+        else f"The maximum itself is not: it lies {normal:.1f}° off the axis at normal view and {offsets[worst]:.1f}° off at"
+        f" theta_r {worst}°, since the top of the highlight is flat, or split in two."
+    )
     return Claim(
         "The shift in the azimuthal direction ϕ_i remains constant at exactly 0 degrees.",
         HOLDS if offsets[worst] <= 2 else PARTLY,
-        "The scattering is the same on both sides of the fibre, so the Gaussian along phi is centred exactly. The maximum"
-        f" itself is not: it lies {normal:.1f}° off the axis at normal view and {offsets[worst]:.1f}° off at theta_r"
-        f" {worst}°, since the top of the highlight is flat, or split in two.",
+        "The scattering is the same on both sides of the fibre, so the Gaussian along phi is centred exactly. " + maximum,
         {"peak_offset_deg": offsets},
     )
 
@@ -50,7 +53,7 @@ def width_claim(rows: Sequence[SliceRow]) -> Claim:
     values = {
         round(math.degrees(r.theta_r)): r.horizontal.sigma
         for r in rows
-        if r.horizontal and r.holds and abs(r.theta_r) <= math.radians(70.5)
+        if r.horizontal and r.holds and abs(r.theta_r) <= math.radians(USED + 0.5)
     }
     quote = "The standard deviation remains constant for the longitudinal case. (σ_H = 0.29)"
     if not values:
@@ -88,7 +91,7 @@ def azimuth_claim(model: Bcsdf, strands: Sequence[float]) -> Claim:
     for n in strands:
         own = model.with_strands(n)  # type: ignore[attr-defined]
         loss, varies, variation = [], [], []
-        for t in _VIEWERS:
+        for t in VIEWERS:
             d = tabulate(own, float(t), n_theta=180, n_phi=180)
             mass = d.luminance * np.cos(d.theta_i)[:, None]
             mass /= mass.sum()
@@ -111,27 +114,31 @@ def azimuth_claim(model: Bcsdf, strands: Sequence[float]) -> Claim:
     )
 
 
-def match_claim(quality: dict[str, dict[str, dict[str, float]]]) -> Claim:
-    """Judge that the Gaussians match pretty well: quality[sampler][strands] = mean ess and total_variation."""
+def match_claim(quality: dict[str, dict[str, dict[str, float]]], count: int) -> Claim:
+    """Judge that the Gaussians match pretty well.
+
+    `quality[sampler][strands]` holds mean "ess" and "total_variation", `count` is the number of fitted lobes.
+    """
     own = quality["found"] if "found" in quality else quality["draft"]
     through = {n: q for n, q in own.items() if n != "0"}
     low = min(through, key=lambda n: through[n]["ess"])
     lobes = quality["lobes"]
     source = "the functions found for this fibre" if "found" in quality else "the draft's printed functions"
+    misses = ": it holds the highlight and misses the other lobes" if own["0"]["ess"] < 0.9 else ""
     verdict = HOLDS if min(q["ess"] for q in own.values()) >= 0.9 else PARTLY if through[low]["ess"] >= 0.75 else FAILS
     return Claim(
         "The Gaussian functions match pretty well.",
         verdict,
         f"With {source}, through strands: ESS {through[low]['ess']:.2f} and TV distance"
         f" {through[low]['total_variation']:.2f} at worst (n = {low}). For direct light one product of two Gaussians has ESS"
-        f" {own['0']['ess']:.2f} and TV distance {own['0']['total_variation']:.2f}: it holds the highlight and misses the"
-        f" other lobes. Four fitted lobes have {lobes['0']['ess']:.3f} and {lobes['0']['total_variation']:.3f}. Means over"
+        f" {own['0']['ess']:.2f} and TV distance {own['0']['total_variation']:.2f}{misses}."
+        f" Fitted lobes, {count} of them, have {lobes['0']['ess']:.3f} and {lobes['0']['total_variation']:.3f}. Means over"
         " five viewers up to 60°, a tenth of the draft's form being nearly uniform.",
         quality,
     )
 
 
-def uniform_claim(quality: dict[str, dict[str, dict[str, float]]], costs: dict[str, float]) -> Claim:
+def uniform_claim(quality: dict[str, dict[str, dict[str, float]]], costs: dict[str, float], count: int) -> Claim:
     """Judge that uniform sampling might be more efficient after all."""
     rows: dict[str, dict[str, float]] = {}
     for name, q in quality.items():
@@ -150,9 +157,9 @@ def uniform_claim(quality: dict[str, dict[str, dict[str, float]]], costs: dict[s
     return Claim(
         "If the function becomes too expensive to evaluate, then uniform sampling might be more efficient after all.",
         HOLDS if traced[0] >= max(traced[1:]) else FAILS,
-        f"For the uniform sphere, the draft's form and four lobes a sample costs {three('cost')} kernels, measured here. ESS"
-        f" per cost of the sample alone is {three('ess_per_sample_cost_0')} for direct light: drawing uniformly is cheap."
-        f" But a sample is drawn to trace a ray. With {_PATH:.0f} kernels for the ray, 100 ESS/cost is"
+        f"For the uniform sphere, the draft's form and {count} fitted lobes a sample costs {three('cost')} kernels, measured"
+        f" here. ESS per cost of the sample alone is {three('ess_per_sample_cost_0')} for direct light: drawing uniformly is"
+        f" cheap. But a sample is drawn to trace a ray. With {_PATH:.0f} kernels for the ray, 100 ESS/cost is"
         f" {three('ess_per_traced_cost_0', 100)} for direct light and {three('ess_per_traced_cost_2', 100)} through two"
         " strands.",
         rows,

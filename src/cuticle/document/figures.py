@@ -267,10 +267,10 @@ def figure_comparison(
     t = math.radians(theta_r)
     ratio_norm = LogNorm(1 / 8, 8)
     for row, n in zip(axes, strands, strict=True):
-        own = model if n == getattr(model, "strands", 0.0) else model.with_strands(n)  # type: ignore[attr-defined]
+        own = model.with_strands(n)  # type: ignore[attr-defined]
         f = luminance(np.asarray(own.eval(theta[:, None], t, phi))) * np.cos(theta)[:, None]
         quality = [measure(s, own, t, n) for s in (document, lobes)]
-        f = f / (luminance(np.array(quality[0].energy)) if np.ndim(quality[0].energy) else 1.0)
+        f = f / luminance(np.array(quality[0].energy))
         densities = [s.pdf(theta[:, None], t, phi, n) for s in (document, lobes)]
         norm = Normalize(0, float(f.max()))
         maps: list[tuple[NDArray, Normalize, str]] = [(f, norm, MAP)]

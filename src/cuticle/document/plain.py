@@ -14,7 +14,7 @@ from cuticle.version import __version__
 if TYPE_CHECKING:
     from cuticle.document import Document
 
-FORMAT, VERSION = "cuticle-document", 1
+FORMAT, VERSION = "cuticle-document", 1  # what the report reads
 Cell = dict[str, float | None]
 
 
@@ -38,6 +38,7 @@ def plain(d: Document) -> dict[str, Any]:
         "no_functions_because": d.reason or None,
         "shader": None if found is None else dict(zip(("direct", "strands"), found.functions.code(), strict=True)),
         "functions_from_printed": {name: _choice(name, c) for name, c in d.printed_choices.items()} or None,
+        "lobes": d.fits["lobes"].sampler.lobes,
         "quality": d.quality,
         "combined": [
             {"strands": m.strands, "shares": m.shares, "weights": m.weights, "ess": m.ess, "best_possible": m.best}
@@ -74,6 +75,14 @@ def _residual(g: Gaussian | None) -> float | None:
     return None if g is None else g.residual
 
 
+def _note(holds: bool, *gaussians: Gaussian | None) -> str:
+    """Say where no Gaussian describes a row, and by how much."""
+    if holds:
+        return ""
+    known = [100 * g.residual for g in gaussians if g is not None]
+    return f"no Gaussian: residual {max(known):.1f} % of the peak" if known else "no Gaussian fits"
+
+
 def _table_1(d: Document) -> dict[str, Any]:
     rows: list[dict[str, Any]] = []
     for r in d.table_1:
@@ -104,7 +113,7 @@ def _table_2(d: Document) -> dict[str, Any]:
         ours = (*_scale_and_sigma(v), 0.0 if v else None, *_scale_and_sigma(h), _degrees(r.shift))
         row: dict[str, Any] = {"theta_r_deg": degrees}
         row |= {name: cell(o, printed[i] if printed else None) for i, (name, o) in enumerate(zip(names, ours, strict=True))}
-        row |= {"holds": r.holds, "residual_V": _residual(v), "residual_H": _residual(h)}
+        row |= {"holds": r.holds, "residual_V": _residual(v), "residual_H": _residual(h), "note": _note(r.holds, v, h)}
         row["peak_offset_deg"] = math.degrees(r.peak_offset)
         rows.append(row)
     return {"rows": rows, "rms": {k: rms([r[k] for r in rows]) for k in names}}
@@ -120,7 +129,7 @@ def _table_3(d: Document) -> dict[str, Any]:
         ours = (*_scale_and_sigma(g), _degrees(r.shift))
         row: dict[str, Any] = {"strands": r.strands, "theta_r_deg": degrees}
         row |= {name: cell(o, printed[i] if printed else None) for i, (name, o) in enumerate(zip(names, ours, strict=True))}
-        row |= {"holds": r.holds, "residual": _residual(g)}
+        row |= {"holds": r.holds, "residual": _residual(g), "note": _note(r.holds, g)}
         rows.append(row)
     inner = [r for r in rows if abs(r["theta_r_deg"]) <= 60]
     by_count = {

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cuticle.document.functions import Choice, find_form
+from cuticle.document.functions import Choice, find_form, fit_form
 from cuticle.document.tables import USED
+from cuticle.fit.document import ClosedForm
 
 _COLUMNS = {
     "table1.csv": ("phi_r_deg", "theta_r_deg", "peak_theta_i_deg", "peak_phi_i_deg"),
@@ -57,6 +58,16 @@ class Printed:
         """Read them from $CUTICLE_DATA/document, or from ../shared/data/document beside a checkout; None if absent."""
         folder = Path(os.environ.get("CUTICLE_DATA", "../shared/data")) / "document"
         return cls.load(folder) if (folder / "table1.csv").is_file() else None
+
+    def draft_forms(self) -> dict[str, ClosedForm]:
+        """Return the least squares of the draft's own shapes through table 2: a line for mu_H, a quartic for sigma_V."""
+        rows = np.array([(*k, *v) for k, v in self.table_2.items()])
+        t = np.radians(rows[:, 0])
+        line = fit_form([("θ", ""), ("1", "")], t, np.radians(rows[:, 6]))
+        quartic = fit_form([("θ⁴", ""), ("1", "")], t, rows[:, 2])
+        if line is None or quartic is None:
+            raise ValueError("printed tables: table 2 has too few rows for a line and a quartic")
+        return {"mu_H": line, "sigma_V": quartic}
 
     def choices(self) -> dict[str, Choice]:
         """Return the functions that the program finds from the printed numbers alone."""

@@ -19,6 +19,7 @@ THETA_R_1 = (-90, -60, -30, 0, 30, 60, 90)
 THETA_R_2 = tuple(range(-80, 81, 10))
 THETA_R_3 = (-90, -60, -30, 0, 30, 60, 90)
 STRANDS = (1.0, 2.0, 4.0, 8.0, 16.0)
+VIEWERS = np.radians([-60.0, -30.0, 0.0, 30.0, 60.0])  # of what is told as a mean
 USED = 70  # degrees: past it the draft leaves its Gaussians, and so do the functions
 POLE = math.radians(89.75)  # stands for ±90°, where f·cos has no limit
 _AROUND = 90  # azimuths of a mean over phi

@@ -16,9 +16,10 @@ from cuticle.fit.lobes import END, Points, carry, grow, make_points, node_angles
 from cuticle.fit.mixture import Array, loss, to_natural
 from cuticle.fit.result import Candidate, Fit
 from cuticle.fit.target import OBJECTIVES, make_targets
+from cuticle.lobe_table import MAX_LOBES
 from cuticle.models import Bcsdf
 from cuticle.quality import measure
-from cuticle.sampler import MAX_LOBES, Sampler
+from cuticle.sampler import Sampler
 
 __all__ = [
     "DRAFT",
@@ -29,6 +30,7 @@ __all__ = [
     "ClosedForm",
     "DocumentFunctions",
     "Fit",
+    "Progress",
     "Term",
     "fit",
     "sampling_cost",
@@ -143,6 +145,7 @@ def fit(
         ess=np.array([[q.ess for q in row] for row in quality]),
         ess_channels=np.array([[q.ess_channels for q in row] for row in quality]),
         largest_weight=np.array([[q.largest_weight for q in row] for row in quality]),
+        total_variation=np.array([[q.total_variation for q in row] for row in quality]),
         seconds=seconds,
         form=form,
         objective=objective,

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from cuticle.densities import even_normal, longitudinal_normal, periodic_normal
 from cuticle.fit.mixture import Array, confine, equations, from_natural, jacobian, loss, solve_each, to_natural
 from cuticle.fit.target import Targets, make_targets
+from cuticle.lobe_table import MEAN_PHI, MEAN_THETA, SIGMA_PHI, SIGMA_THETA, WEIGHT
 from cuticle.models import Bcsdf
-from cuticle.sampler import MEAN_PHI, MEAN_THETA, SIGMA_PHI, SIGMA_THETA, WEIGHT
 
 THETA_NODES = 25  # every 7.5 degrees
 END = np.radians(89.5)  # stands for the pole, where f·cos degenerates

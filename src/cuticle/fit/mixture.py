@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cuticle import _core
 from cuticle.fit.target import Targets
-from cuticle.sampler import MEAN_PHI, MEAN_THETA, SIGMA_PHI, SIGMA_THETA, WEIGHT
+from cuticle.lobe_table import MEAN_PHI, MEAN_THETA, SIGMA_PHI, SIGMA_THETA, WEIGHT
 
 Array = NDArray[np.float64]
 

@@ -34,7 +34,7 @@ class Fit:
         Effective sample size of the luminance, 0 to 1, shape (strand counts, T).
     ess_channels
         The same for each channel, shape (strand counts, T, channels).
-    largest_weight
+    largest_weight, total_variation
         Shape (strand counts, T).
     seconds
         How long the fit took, the measuring left out.
@@ -49,6 +49,7 @@ class Fit:
     ess: NDArray[np.float64]
     ess_channels: NDArray[np.float64]
     largest_weight: NDArray[np.float64]
+    total_variation: NDArray[np.float64]
     seconds: float
     form: str
     objective: str

@@ -13,6 +13,7 @@ from typing import Any
 import jinja2
 import numpy as np
 
+from cuticle.document.plain import VERSION
 from cuticle.files import read_text, write_text
 from cuticle.version import __version__
 
@@ -153,6 +154,8 @@ _NAMES = {
 
 
 def _document_view(data: dict[str, Any], folder: Path) -> dict[str, Any]:
+    if data["version"] > VERSION:
+        raise ValueError(f"{folder / 'document.json'} has version {data['version']}, newer than {VERSION}; upgrade cuticle")
     functions = data["functions"]
     return {
         "claims": [
@@ -165,8 +168,8 @@ def _document_view(data: dict[str, Any], folder: Path) -> dict[str, Any]:
         "shader": data["shader"],
         "axis": f"{data['highlight_phi_deg']:.0f}°",
         "tables": [_table_1(data["table_1"]), _table_2(data["table_2"]), _table_3(data["table_3"])],
-        "mixing": [_mixing(m) for m in data["combined"]],
-        "quality": _quality(data["quality"]),
+        "mixing": [_mixing(m, [n for n in data["quality"]["lobes"] if n != "0"]) for m in data["combined"]],
+        "quality": _quality(data["quality"], data["lobes"]),
         "figures": [
             {
                 "name": name,
@@ -243,7 +246,7 @@ def _table_2(table: dict[str, Any]) -> dict[str, Any]:
             {
                 "keys": [f"{number(x['theta_r_deg'], 0)}°"],
                 "cells": _cells(x, names),
-                "note": _note(x["holds"], x["residual_V"], x["residual_H"]),
+                "note": x["note"],
             }
             for x in table["rows"]
         ],
@@ -274,7 +277,7 @@ def _table_3(table: dict[str, Any]) -> dict[str, Any]:
             {
                 "keys": [f"{x['strands']:g}", f"{number(x['theta_r_deg'], 0)}°"],
                 "cells": _cells(x, names),
-                "note": _note(x["holds"], x["residual"]),
+                "note": x["note"],
             }
             for x in table["rows"]
         ],
@@ -287,14 +290,7 @@ def _table_3(table: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _note(holds: bool, *residuals: float | None) -> str:
-    if holds:
-        return ""
-    known = [100 * r for r in residuals if r is not None]
-    return f"no Gaussian: residual {max(known):.1f} % of the peak" if known else "no Gaussian: its peak lies on the edge"
-
-
-def _mixing(m: dict[str, Any]) -> dict[str, Any]:
+def _mixing(m: dict[str, Any], counts: list[str]) -> dict[str, Any]:
     rows = []
     for share, row, best in zip(m["shares"], m["ess"], m["best_possible"], strict=True):
         top = int(np.argmax(row))
@@ -302,7 +298,7 @@ def _mixing(m: dict[str, Any]) -> dict[str, Any]:
         rows.append({"share": f"{share:g}", "cells": cells, "best": f"{best:.3f}"})
     strands = m["strands"]
     return {
-        "title": "None or an unknown number of strands (1, 2, 4, 8 alike)"
+        "title": f"None or an unknown number of strands ({', '.join(counts)} alike)"
         if strands is None
         else f"None or {strands:g} strands",
         "weights": [f"{w:g}" for w in m["weights"]],
@@ -314,17 +310,17 @@ _SAMPLERS = {
     "uniform": "uniform sphere",
     "draft": "the draft's form, its printed numbers",
     "found": "the draft's form, functions found here",
-    "lobes": "four fitted lobes",
+    "lobes": "{} fitted lobes",
 }
 
 
-def _quality(quality: dict[str, Any]) -> dict[str, Any]:
+def _quality(quality: dict[str, Any], lobes: int) -> dict[str, Any]:
     counts = list(quality["lobes"])
     return {
         "strands": counts,
         "rows": [
             {
-                "name": _SAMPLERS[name],
+                "name": _SAMPLERS[name].format(lobes),
                 "cells": [_ess(row[n]["ess"]) | {"tv": f"{row[n]['total_variation']:.3f}"} for n in counts],
             }
             for name, row in quality.items()
