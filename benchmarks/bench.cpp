@@ -130,8 +130,8 @@ int main(int argc, char **argv) {
                      [&in] {
                          float sum = 0;
                          for (int i = 0; i < inputs; ++i)
-                             sum += native::calibration_kernel(
-                                 [&](int k) { return in.theta_i[(i + k) & (inputs - 1)] - in.u0[i]; });
+                             sum = native::calibration_kernel(
+                                 sum, [&](int k) { return in.theta_i[(i + k) & (inputs - 1)] - in.u0[i]; });
                          return sum;
                      },
                      {}});

@@ -7,9 +7,8 @@ namespace native {
 
 constexpr int kernel_inputs = 16;
 
-// 16 independent expf calls; input(k) varies with k and from call to call.
-template <class Input> float calibration_kernel(const Input &input) {
-    float sum = 0;
+// 16 independent expf calls, added to `sum`; input(k) varies with k and from call to call.
+template <class Input> float calibration_kernel(float sum, const Input &input) {
     for (int k = 0; k < kernel_inputs; ++k) sum += std::exp(input(k));
     return sum;
 }

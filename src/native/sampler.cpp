@@ -30,7 +30,7 @@ template <class Body> double nanoseconds(std::size_t count, const Body &body) {
 double kernel_cost(const In<float> &x) {
     return nanoseconds(x.size() - kernel_inputs, [&](std::size_t i) {
         const float *inputs = x.data() + i;
-        return calibration_kernel([&](int k) { return inputs[k] - inputs[0]; });
+        return calibration_kernel(0.f, [&](int k) { return inputs[k] - inputs[0]; });
     });
 }
 
