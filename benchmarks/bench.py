@@ -71,7 +71,7 @@ def costs(cases: list[tuple[str, Sampler, float]], model: cuticle.DualScattering
         sys.exit("bench needs a C++ compiler; set CXX")
     with tempfile.TemporaryDirectory() as folder:
         program, data = Path(folder) / "bench", Path(folder) / "input"
-        flags = ["-std=c++17", "-O3", "-march=native", "-pthread", f"-I{ROOT / 'include'}", f"-I{ROOT / 'src/native'}"]
+        flags = ["-std=c++17", "-O3", "-march=native", "-pthread", f"-I{ROOT / 'include'}"]
         subprocess.run([compiler, *flags, str(ROOT / "benchmarks/bench.cpp"), "-o", str(program)], check=True)
         write_input(data, cases, model)
         done = subprocess.run([str(program), str(data), str(rounds)], check=True, capture_output=True, text=True)
