@@ -55,14 +55,14 @@ def write_input(path: Path, cases: list[tuple[str, Sampler, float]], model: cuti
             text = label.encode()
             integers(len(text))
             file.write(text)
-        tables, averages, fibre = model.single.tables, model._average_table, model.fibre
+        tables, averages, fibre = model.single.tables, model.average_table, model.fibre
         rows, columns, _, channels = tables.direct.shape
         integers(rows, columns, channels, len(averages))
         for table in (tables.direct, tables.spread, averages, fibre.alpha, fibre.beta):
             reals(table)
         exact = int(model.formulation == "exact")
         integers(exact, exact)  # the longitudinal form and the formulation
-        reals([models._AVERAGE_LIMIT, fibre.d_f, fibre.d_b])
+        reals([models.AVERAGE_LIMIT, fibre.d_f, fibre.d_b])
 
 
 def costs(cases: list[tuple[str, Sampler, float]], model: cuticle.DualScattering, rounds: int) -> dict[str, float]:

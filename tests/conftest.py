@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
+import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import cuticle
 from cuticle.document import Document, Printed, document
+
+# karellen-llvm-core puts LLVM here; Dr.Jit wants to be told before it is imported.
+LLVM = sorted(Path(sys.prefix, "lib").glob("libLLVM.so*")) + sorted(Path(sys.prefix, "lib").glob("libLLVM.dylib"))
+if LLVM:
+    os.environ.setdefault("DRJIT_LIBLLVM_PATH", str(LLVM[-1]))
 
 COUNTS = (0.0, 1.0, 2.0, 4.0, 8.0)
 
@@ -42,6 +51,23 @@ def data() -> Path:
     if not (folder / "document" / "table2.csv").exists():
         pytest.skip(f"reference data is not at {folder}; set CUTICLE_DATA")
     return folder
+
+
+@pytest.fixture
+def use_variant() -> Callable[[str], Any]:
+    """Set a variant of Mitsuba and return Mitsuba; skip where it cannot run."""
+
+    def use(variant: str) -> Any:
+        if importlib.util.find_spec("mitsuba") is None:
+            pytest.skip("Mitsuba is not installed: pip install 'cuticle[mitsuba]'")
+        from cuticle.render.scene import mitsuba
+
+        try:
+            return mitsuba(variant)
+        except RuntimeError as error:
+            pytest.skip(str(error))
+
+    return use
 
 
 def sphere(n_theta: int, n_phi: int) -> tuple[np.ndarray, np.ndarray, float]:

@@ -42,6 +42,7 @@ def test_goes_through_the_arrays_of_drjit(tmp_path: Path) -> None:
         "-O2",
         "-march=native",
         f"-I{ROOT / 'include'}",
+        f"-I{ROOT / 'plugins/mitsuba'}",
         f"-isystem{headers}",
         str(ROOT / "tests/cpp/drjit_arrays.cpp"),
     ]

@@ -129,15 +129,58 @@ CUTICLE_HD Bilinear<Float> locate(const AzimuthalTable<Memory> &table, const Flo
     return {(i * Index(table.columns) + j) * Index(column), table.columns * column, column, y - Float(i), x - Float(j)};
 }
 
-template <class Float, class Memory>
-CUTICLE_HD Float interpolate(const Memory &data, const Bilinear<Float> &at, int offset) {
+template <class Float, class Memory, class Offset>
+CUTICLE_HD Float interpolate(const Memory &data, const Bilinear<Float> &at, const Offset &offset) {
     using Traits = ArrayTraits<Float>;
     using Index = typename Traits::Index;
-    const auto value = [&](int from) { return Traits::gather(data, Index(at.index + Index(offset + from))); };
+    const Index first = at.index + Index(offset);
+    const auto value = [&](int from) { return Traits::gather(data, Index(first + Index(from))); };
     const Float far = at.b, near = Float(1) - at.b;  // convex sums: rounding never makes them negative
     const Float lower = near * value(0) + far * value(at.column_step);
     const Float upper = near * value(at.row_step) + far * value(at.row_step + at.column_step);
     return (Float(1) - at.a) * lower + at.a * upper;
+}
+
+// Which of a table's channels to read: an int, or, for an absorption between those of two channels, both and how far.
+template <class Float> struct ChannelBetween {
+    typename ArrayTraits<Float>::Index first;  // the other is first + 1
+    Float t;
+};
+
+// N_p of one channel. Between two absorptions light decays as along one path: log N is all but linear in sigma_a, since the
+// lengths of the paths that meet at one phi differ little.
+template <class Float, class Memory>
+CUTICLE_HD Float azimuthal_value(const AzimuthalTable<Memory> &table, const Bilinear<Float> &at, int p, int channel) {
+    return interpolate<Float>(table.data, at, p * table.channels + channel);
+}
+template <class Float, class Memory>
+CUTICLE_HD Float azimuthal_value(const AzimuthalTable<Memory> &table, const Bilinear<Float> &at, int p,
+                                 const ChannelBetween<Float> &channel) {
+    using Index = typename ArrayTraits<Float>::Index;
+    const Index first = channel.first + Index(p * table.channels);
+    const Float tiny = Float(std::numeric_limits<scalar_t<Float>>::min());
+    const Float lower = math::max(interpolate<Float>(table.data, at, first), tiny);
+    const Float upper = math::max(interpolate<Float>(table.data, at, Index(first + Index(1))), tiny);
+    const Float log_value = math::log(lower) + channel.t * (math::log(upper) - math::log(lower));
+    return select(lower <= tiny, Float(0), Float(math::exp(log_value)));
+}
+
+// Absorptions in geometric steps, as channels first … first + count - 1 of a table.
+template <class Scalar> struct AbsorptionRange {
+    Scalar low, ratio;
+    int first, count;
+};
+
+template <class Float, class Scalar>
+CUTICLE_HD ChannelBetween<Float> locate(const AbsorptionRange<Scalar> &range, const Float &sigma_a) {
+    using Traits = ArrayTraits<Float>;
+    using Index = typename Traits::Index;
+    const double log_ratio = std::log(static_cast<double>(range.ratio));
+    const Float steps = math::log(math::max(Float(sigma_a / Float(range.low)), Float(1))) * Float(1 / log_ratio);
+    const Index k = math::min(Traits::to_index(steps), Index(range.count - 2));
+    const Float below = Float(range.low) * math::exp(Float(Float(k) * Float(log_ratio)));
+    const Float t = (sigma_a / below - Float(1)) * Float(1 / (static_cast<double>(range.ratio) - 1));
+    return {Index(k + Index(range.first)), t};
 }
 
 }  // namespace cuticle

@@ -13,9 +13,10 @@ namespace cuticle {
 // The upper triangle of M: xx, yy, zz, xy, xz, yz.
 constexpr int density_columns = 6;
 
-// A view, owning nothing: cells[z][y][x][density_columns] over the box from `lower`, each `cell` wide.
-template <class Scalar> struct DensityGrid {
-    const Scalar *cells;
+// A view, owning nothing: cells[z][y][x][density_columns] over the box from `lower`, each `cell` wide. Memory is a pointer,
+// or whatever ArrayTraits::gather takes.
+template <class Scalar, class Memory = const Scalar *> struct DensityGrid {
+    Memory cells;
     int size[3];  // cells along x, y, z
     Scalar lower[3], cell[3];
 };
@@ -49,61 +50,95 @@ void deposit_strand(const DensityGrid<Scalar> &grid, Scalar *cells, const Scalar
     }
 }
 
-// Strands crossed per unit length along the unit direction d in one cell.
-template <class Float, class Scalar> CUTICLE_HD Float crossing_rate(const Scalar *m, const Direction<Float> &d) {
-    const Float trace = Float(m[0]) + Float(m[1]) + Float(m[2]);
-    const Float along = d.x * d.x * Float(m[0]) + d.y * d.y * Float(m[1]) + d.z * d.z * Float(m[2]) +
-                        Float(2) * (d.x * d.y * Float(m[3]) + d.x * d.z * Float(m[4]) + d.y * d.z * Float(m[5]));
+// Strands crossed per unit length along the unit direction d in the cell whose values begin at `first`.
+template <class Float, class Memory>
+CUTICLE_HD Float crossing_rate(const Memory &cells, const typename ArrayTraits<Float>::Index &first,
+                               const Direction<Float> &d) {
+    using Traits = ArrayTraits<Float>;
+    using Index = typename Traits::Index;
+    const auto m = [&](int column) { return Traits::gather(cells, Index(first + Index(column))); };
+    const Float xx = m(0), yy = m(1), zz = m(2), trace = xx + yy + zz;
+    const Float along = d.x * d.x * xx + d.y * d.y * yy + d.z * d.z * zz +
+                        Float(2) * (d.x * d.y * m(3) + d.x * d.z * m(4) + d.y * d.z * m(5));
     return math::sqrt(math::max(Float(trace * (trace - along)), Float(0)));
 }
 
+// Where a walk from cell to cell has come to (Amanatides and Woo 1987).
+template <class Float> struct GridWalk {
+    using Index = typename ArrayTraits<Float>::Index;
+    Float next[3];  // distance to the border ahead along each axis
+    Index left[3];  // cells up to the side where the walk leaves the box
+    Index first;    // of the cell's values
+    Float here, total;
+
+    template <class Use> auto apply(const Use &use) {
+        return use(next[0], next[1], next[2], left[0], left[1], left[2], first, here, total);
+    }
+};
+
 // Expected number of strands on the way from `origin` along the unit direction `d`, up to `distance`: the sum of the rates
 // of the cells on the way, each times the length within it.
-template <class Float, class Scalar>
-CUTICLE_HD Float count_strands(const DensityGrid<Scalar> &grid, const Float *origin, const Direction<Float> &d,
+template <class Float, class Scalar, class Memory>
+CUTICLE_HD Float count_strands(const DensityGrid<Scalar, Memory> &grid, const Float *origin, const Direction<Float> &d,
                                const Float &distance) {
-    const Float direction[3] = {d.x, d.y, d.z};
-    // Where the ray is inside the box.
-    Float enter = Float(0), leave = distance;
+    using Traits = ArrayTraits<Float>;
+    using Index = typename Traits::Index;
+    const Float far = Float(std::numeric_limits<scalar_t<Float>>::max());
+    const Float along[3] = {d.x, d.y, d.z};
+    // Where the ray is inside the box. A direction without a component along an axis meets neither border of it.
+    Float slow[3], enter = Float(0), leave = distance;
     for (int a = 0; a < 3; ++a) {
-        const Float low = Float(grid.lower[a]), high = low + Float(grid.cell[a]) * Float(grid.size[a]);
-        if (direction[a] == Float(0)) {
-            if (origin[a] < low || origin[a] > high) return Float(0);
-            continue;
-        }
-        const Float to_low = (low - origin[a]) / direction[a], to_high = (high - origin[a]) / direction[a];
+        const Float low = Float(grid.lower[a]) - origin[a], high = low + Float(grid.cell[a]) * Float(grid.size[a]);
+        const auto still = math::abs(along[a]) < Float(1e-20);
+        slow[a] = Float(1) / select(still, Float(1), along[a]);
+        const Float to_low = select(still, select(low > Float(0), far, Float(-far)), Float(low * slow[a]));
+        const Float to_high = select(still, select(high < Float(0), Float(-far), far), Float(high * slow[a]));
         enter = math::max(enter, math::min(to_low, to_high));
         leave = math::min(leave, math::max(to_low, to_high));
+        slow[a] = select(still, far, slow[a]);
     }
-    if (!(enter < leave)) return Float(0);
-    // From cell to cell (Amanatides and Woo 1987).
-    int at[3], step[3];
-    Float next[3], apart[3];
+    // Per axis: how far apart borders are, and what a step adds to the cell's place in memory.
+    Float apart[3];
+    Index step[3];
+    GridWalk<Float> walk;
+    walk.first = Index(0);
+    walk.here = enter;
+    walk.total = Float(0);
+    int stride = density_columns;
     for (int a = 0; a < 3; ++a) {
         const Float width = Float(grid.cell[a]);
-        const Float x = (origin[a] + enter * direction[a] - Float(grid.lower[a])) / width;
-        at[a] = math::max(0, math::min(static_cast<int>(x), grid.size[a] - 1));
-        step[a] = direction[a] < Float(0) ? -1 : 1;
-        if (direction[a] == Float(0)) {
-            next[a] = apart[a] = std::numeric_limits<Float>::infinity();
-            continue;
-        }
-        apart[a] = width / math::abs(direction[a]);
-        const Float border = Float(grid.lower[a]) + width * Float(at[a] + (step[a] > 0 ? 1 : 0));
-        next[a] = math::max(Float((border - origin[a]) / direction[a]), enter);
+        const auto back = along[a] < Float(0), still = slow[a] >= far;
+        const Float x = (origin[a] + math::min(enter, distance) * along[a] - Float(grid.lower[a])) / width;
+        const Float cell = math::floor(math::clamp(x, Float(0), Float(Float(grid.size[a]) - Float(.5))));
+        const Float border = Float(grid.lower[a]) + width * (cell + select(back, Float(0), Float(1)));
+        walk.next[a] = select(still, far, math::max(Float((border - origin[a]) * slow[a]), enter));
+        apart[a] = select(still, Float(0), Float(width * math::abs(slow[a])));
+        walk.left[a] = select(back, Traits::to_index(cell), Index(Index(grid.size[a] - 1) - Traits::to_index(cell)));
+        walk.first = walk.first + Traits::to_index(cell) * Index(stride);
+        step[a] = select(back, Index(-stride), Index(stride));
+        stride *= grid.size[a];
     }
-    Float total = Float(0), here = enter;
-    while (true) {
-        const int a = next[0] < next[1] ? (next[0] < next[2] ? 0 : 2) : (next[1] < next[2] ? 1 : 2);
-        const Float until = math::min(next[a], leave);
-        const int index = (at[2] * grid.size[1] + at[1]) * grid.size[0] + at[0];
-        total = total + crossing_rate(grid.cells + index * density_columns, d) * (until - here);
-        here = until;
-        if (!(next[a] < leave)) return total;
-        at[a] += step[a];
-        if (at[a] < 0 || at[a] >= grid.size[a]) return total;
-        next[a] = next[a] + apart[a];
-    }
+    Traits::loop(
+        walk, [&](const GridWalk<Float> &w) { return w.here < leave; },
+        [&](GridWalk<Float> &w) {
+            const auto x_first = w.next[0] < w.next[1] && w.next[0] < w.next[2];
+            const auto y_first = !x_first && w.next[1] < w.next[2];
+            const Float ahead = select(x_first, w.next[0], select(y_first, w.next[1], w.next[2]));
+            const Float until = math::min(ahead, leave);
+            w.total = w.total + crossing_rate<Float>(grid.cells, w.first, d) * (until - w.here);
+            // A step that would leave the box ends the walk.
+            const Index left = select(x_first, w.left[0], select(y_first, w.left[1], w.left[2]));
+            w.here = select(left > Index(0), until, leave);
+            const Index one = select(left > Index(0), Index(1), Index(0));
+            w.first = w.first + one * select(x_first, step[0], select(y_first, step[1], step[2]));
+            w.next[0] = w.next[0] + select(x_first, apart[0], Float(0));
+            w.next[1] = w.next[1] + select(y_first, apart[1], Float(0));
+            w.next[2] = w.next[2] + select(x_first || y_first, Float(0), apart[2]);
+            w.left[0] = w.left[0] - select(x_first, one, Index(0));
+            w.left[1] = w.left[1] - select(y_first, one, Index(0));
+            w.left[2] = w.left[2] - select(x_first || y_first, Index(0), one);
+        });
+    return walk.total;
 }
 
 }  // namespace cuticle

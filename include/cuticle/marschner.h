@@ -49,14 +49,13 @@ CUTICLE_HD void marschner_terms(const FibreLobes<Scalar> &fibre, const Float &th
     }
 }
 
-// Adds one table's part at phi to f[channels]; `inclination` is azimuthal_inclination.
-template <class Float, class Memory>
-CUTICLE_HD void add_rows(const AzimuthalTable<Memory> &table, const AzimuthalTerms<Float> *terms, AzimuthalRows rows,
-                         const Float &inclination, const Float &phi, Float *f) {
-    const Bilinear<Float> at = locate(table, inclination, phi);
-    for (int c = 0; c < table.channels; ++c)
-        for (int p = 0; p < lobe_count; ++p)
-            f[c] = f[c] + terms[c].weight[rows][p] * interpolate<Float>(table.data, at, p * table.channels + c);
+// One table's part of one channel, an int or a ChannelBetween, at a place that `locate` found.
+template <class Float, class Memory, class Channel>
+CUTICLE_HD Float sum_rows(const AzimuthalTable<Memory> &table, const AzimuthalTerms<Float> &terms, AzimuthalRows rows,
+                          const Bilinear<Float> &at, const Channel &channel) {
+    Float sum = Float(0);
+    for (int p = 0; p < lobe_count; ++p) sum = sum + terms.weight[rows][p] * azimuthal_value(table, at, p, channel);
+    return sum;
 }
 
 // f in 1/sr, without a cosine, at phi into f[channels], from marschner_terms.
@@ -64,8 +63,8 @@ template <class Float, class Scalar, class Memory>
 CUTICLE_HD void marschner_around(const FibreLobes<Scalar> &fibre, const AzimuthalTable<Memory> &table,
                                  const AzimuthalTerms<Float> *terms, const Float &theta_i, const Float &theta_r,
                                  const Float &phi, Float *f) {
-    for (int c = 0; c < table.channels; ++c) f[c] = Float(0);
-    add_rows(table, terms, direct_rows, azimuthal_inclination(fibre.form, theta_i, theta_r), phi, f);
+    const Bilinear<Float> at = locate(table, azimuthal_inclination(fibre.form, theta_i, theta_r), phi);
+    for (int c = 0; c < table.channels; ++c) f[c] = sum_rows(table, terms[c], direct_rows, at, c);
 }
 
 }  // namespace cuticle

@@ -24,6 +24,11 @@ template <class T> struct ArrayTraits {
     template <class Memory> static CUTICLE_HD T gather(const Memory &memory, const Index &index) { return T(memory[index]); }
     // Whether any lane is set; an array whose lanes are not known yet answers true.
     static CUTICLE_HD bool any(bool mask) { return mask; }
+    // while (condition(state)) body(state), each lane for as long as its own condition holds.
+    template <class State, class Condition, class Body>
+    static CUTICLE_HD void loop(State &state, const Condition &condition, const Body &body) {
+        while (condition(state)) body(state);
+    }
 };
 template <class T> using scalar_t = typename ArrayTraits<T>::Scalar;
 
@@ -138,11 +143,6 @@ CUTICLE_HD inline float log(float x) {
     return static_cast<float>(n) * .693147181f + s * polynomial(t, 2.f / 9, 2.f / 7, .4f, 2.f / 3, 2.f);
 }
 
-template <class T> CUTICLE_INLINE T erf(const T &x) {
-    using std::erf;
-    return erf(x);
-}
-
 // erf in single precision: x P(x²)/Q(x²) on |x| <= 4, our own minimax fit (benchmarks/fit_polynomials.py);
 // relative error below 4e-7.
 template <class T> CUTICLE_INLINE T erf_single(const T &x_) {
@@ -155,7 +155,14 @@ template <class T> CUTICLE_INLINE T erf_single(const T &x_) {
     return x * p / q;  // at most 1 + 2e-7
 }
 
-CUTICLE_HD inline float erf(float x) { return erf_single(x); }
+template <class T> CUTICLE_INLINE T erf(const T &x) {
+    if constexpr (std::is_same_v<scalar_t<T>, float>) {
+        return erf_single(x);
+    } else {
+        using std::erf;
+        return erf(x);
+    }
+}
 
 // The inverse of erf to single precision: M. Giles, "Approximating the erfinv function" (2010).
 template <class T> CUTICLE_HD T erfinv_single(const T &p) {
@@ -170,11 +177,10 @@ template <class T> CUTICLE_HD T erfinv_single(const T &p) {
     return p * select(w < T(5), central, tail);
 }
 
-CUTICLE_HD inline float erfinv(float p) { return erfinv_single(p); }
-
-// The same to the precision of the type: two Halley steps on erf.
+// The same to the precision of the type: in double two Halley steps on erf.
 template <class T> CUTICLE_HD T erfinv(const T &p) {
     T z = erfinv_single(p);
+    if constexpr (std::is_same_v<scalar_t<T>, float>) return z;
     for (int step = 0; step < 2; ++step) {
         const T e = (math::erf(z) - p) / (T(two_over_sqrt_pi<T>) * math::exp(T(-z * z)));
         z = z - e / (T(1) + z * e);

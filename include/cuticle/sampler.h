@@ -70,16 +70,17 @@ CUTICLE_HD TablePosition<Float> locate(const LobeTable<Scalar, K, Memory> &table
 // The mixture for one theta_r and number of strands. Prepare once a shading point, then evaluate and draw.
 template <class Float, int K> struct PreparedSampler {
     Lobes<Float, K> first, second;
-    Float share;  // of `first`; 1 nearly always
+    Float share;   // of `first`; 1 nearly always
+    bool blended;  // whether `second` is there at all
 
     CUTICLE_HD Float pdf(const Float &theta_i, const Float &phi) const {
         const Float p = first.pdf(theta_i, phi);
-        if (!ArrayTraits<Float>::any(share < Float(1))) return p;
+        if (!blended) return p;
         return share * p + (Float(1) - share) * second.pdf(theta_i, phi);
     }
 
     CUTICLE_HD Sample<Float> sample(const Float &u_lobe, const Float &u_theta, const Float &u_phi) const {
-        if (!ArrayTraits<Float>::any(share < Float(1))) return first.sample(u_lobe, u_theta, u_phi);
+        if (!blended) return first.sample(u_lobe, u_theta, u_phi);
         const auto in_first = u_lobe < share;
         const Float rest = math::max(Float(Float(1) - share), Float(std::numeric_limits<scalar_t<Float>>::min()));
         const Float u = select(in_first, Float(u_lobe / share), Float((u_lobe - share) / rest));
@@ -127,6 +128,7 @@ CUTICLE_HD PreparedSampler<Float, K> prepare(const LobeTable<Scalar, K, Memory> 
     const TablePosition<Float> at = locate<Float>(table, theta_r, strands);
     PreparedSampler<Float, K> out;
     out.share = Float(1);
+    out.blended = false;
     const auto set = [&](Lobes<Float, K> &to, const LobeValues<Float, K> &from) {
         to.set(from.weight, from.mean, from.sigma, table.even);
     };
@@ -150,6 +152,7 @@ CUTICLE_HD PreparedSampler<Float, K> prepare(const LobeTable<Scalar, K, Memory> 
     };
     const Float e0 = (Float(1) - at.s) * energy(e), e1 = at.s * energy(g);
     out.share = select(at.blend, Float(e0 / (e0 + e1)), Float(1));
+    out.blended = Traits::any(out.share < Float(1));
     set(out.first, lower.mix(select(at.blend, Float(0), at.s), upper));
     set(out.second, upper);
     return out;

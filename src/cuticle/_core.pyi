@@ -1,10 +1,12 @@
 # The compiled core (src/native). Arrays are contiguous; results are written into the arrays handed in.
+from collections.abc import Callable
 from typing import Any
 
 from numpy.typing import NDArray
 
 average_columns: int
 
+def in_one_line(function: Callable[[Any], Any], argument: Any) -> Any: ...
 def azimuthal_tables(
     eta: float,
     sigma_a: NDArray,

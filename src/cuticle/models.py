@@ -16,12 +16,12 @@ from cuticle.fibre import LOBES, Fibre
 PARTS = (*LOBES, "back")
 FORMULATIONS = ("exact", "zinke2008")
 LONGITUDINAL = ("gaussian", "energy_conserving")
-_LONGITUDINAL_OF = {"exact": "energy_conserving", "zinke2008": "gaussian"}
+LONGITUDINAL_OF = {"exact": "energy_conserving", "zinke2008": "gaussian"}
 
 _ROWS = 181  # azimuthal tables: theta_d in steps of half a degree
 _OFFSETS = 1024  # cells of the quadrature over h >= 0
 _AVERAGE_ROWS = 181
-_AVERAGE_LIMIT = np.radians(89.5)  # at the pole itself Fresnel's term is 1 and nothing is ever absorbed
+AVERAGE_LIMIT = np.radians(89.5)  # at the pole itself Fresnel's term is 1 and nothing is ever absorbed
 _AVERAGE_QUADRATURE = 1440
 
 
@@ -216,7 +216,7 @@ class DualScattering:
             object.__setattr__(self, "formulation", self.fibre.formulation)
         validate.choice("formulation", self.formulation, FORMULATIONS)
         object.__setattr__(self, "strands", validate.number("strands", self.strands, 0, validate.MAX_STRANDS))
-        self._average_table  # noqa: B018 - refuses a fibre whose multiple scattering diverges before any other work
+        self.average_table  # noqa: B018 - refuses a fibre whose multiple scattering diverges before any other work
 
     @property
     def _exact(self) -> bool:
@@ -230,17 +230,18 @@ class DualScattering:
     @cached_property
     def single(self) -> Marschner:
         """The fibre on its own."""
-        return Marschner(self.fibre, _LONGITUDINAL_OF[str(self.formulation)])
+        return Marschner(self.fibre, LONGITUDINAL_OF[str(self.formulation)])
 
     @property
-    def _average_table(self) -> NDArray[np.float64]:
+    def average_table(self) -> NDArray[np.float64]:
+        """`Averages` at inclinations from -AVERAGE_LIMIT to AVERAGE_LIMIT, shape (rows, channels, 9)."""
         return _averages(self.fibre, str(self.formulation))
 
     @cached_property
     def _core(self) -> _core.Model:
         f, tables = self.fibre, self.single.tables
         return _core.Model(
-            f.alpha, f.beta, self._exact, tables.direct, tables.spread, self._average_table, _AVERAGE_LIMIT, f.d_f, f.d_b
+            f.alpha, f.beta, self._exact, tables.direct, tables.spread, self.average_table, AVERAGE_LIMIT, f.d_f, f.d_b
         )  # fmt: skip
 
     def with_strands(self, strands: float) -> DualScattering:
@@ -250,8 +251,8 @@ class DualScattering:
     def averages(self, theta: ArrayLike) -> Averages:
         """Return the half-sphere averages at inclinations `theta` (radians)."""
         t = validate.angles("theta", theta, validate.HALF_PI, np.float64)
-        grid = np.linspace(-_AVERAGE_LIMIT, _AVERAGE_LIMIT, _AVERAGE_ROWS)
-        table = self._average_table
+        grid = np.linspace(-AVERAGE_LIMIT, AVERAGE_LIMIT, _AVERAGE_ROWS)
+        table = self.average_table
         columns = [
             np.stack([np.interp(t, grid, table[:, c, j]) for c in range(self.channels)], axis=-1)
             for j in range(len(Averages._fields))
@@ -273,14 +274,14 @@ def _check_fibre(fibre: object) -> None:
 
 @lru_cache(maxsize=16)
 def _averages(fibre: Fibre, formulation: str) -> NDArray[np.float64]:
-    halves = Marschner(fibre, _LONGITUDINAL_OF[formulation]).tables.halves
+    halves = Marschner(fibre, LONGITUDINAL_OF[formulation]).tables.halves
     table = np.empty((_AVERAGE_ROWS, fibre.channels, _core.average_columns))
     exact = formulation == "exact"
-    _core.averages(fibre.alpha, fibre.beta, exact, fibre.d_b, _AVERAGE_LIMIT, _AVERAGE_QUADRATURE, halves, table)
+    _core.averages(fibre.alpha, fibre.beta, exact, fibre.d_b, AVERAGE_LIMIT, _AVERAGE_QUADRATURE, halves, table)
     total = table[:, :, 0] + table[:, :, 1]
     row, channel = np.unravel_index(np.argmax(total), total.shape)
     if not total[row, channel] < 1 - 1e-9:
-        theta = np.degrees(np.linspace(-_AVERAGE_LIMIT, _AVERAGE_LIMIT, _AVERAGE_ROWS)[row])
+        theta = np.degrees(np.linspace(-AVERAGE_LIMIT, AVERAGE_LIMIT, _AVERAGE_ROWS)[row])
         remedy = "raise sigma_a" if exact else 'raise sigma_a, or use formulation="exact", which conserves energy'
         raise ValueError(
             f"light scattered forward and back, a_f + a_b, must stay below 1, got {total[row, channel]:.4g} at theta"

@@ -1,7 +1,6 @@
 // The core through Dr.Jit's arrays: traced ones compile (LLVM and CUDA), packets run and give what each lane alone gives.
-#include <drjit/autodiff.h>
-#include <drjit/jit.h>
-#include <drjit/math.h>
+#include "drjit_traits.h"
+
 #include <drjit/packet.h>
 
 #include <algorithm>
@@ -16,17 +15,6 @@ namespace dr = drjit;
 using Packet = dr::Packet<float, 8>;
 
 namespace cuticle {
-
-template <JitBackend Backend, class Value> struct ArrayTraits<dr::DiffArray<Backend, Value>> {
-    using Float = dr::DiffArray<Backend, Value>;
-    using Scalar = Value;
-    using Index = dr::DiffArray<Backend, std::int32_t>;
-    static Index to_index(const Float &x) { return Index(x); }
-    template <class Memory> static Float gather(const Memory &memory, const Index &index) {
-        return dr::gather<Float>(memory, dr::uint32_array_t<Float>(index));
-    }
-    static bool any(const dr::mask_t<Float> &) { return true; }  // not known while tracing
-};
 
 template <> struct ArrayTraits<Packet> {
     using Scalar = float;
@@ -55,6 +43,10 @@ template <class Float> struct Traced {
         cuticle::AzimuthalTerms<Float> terms[3];
         cuticle::dual_scattering_terms(m, theta_i, theta_r, n, cuticle::mask_all, terms);
         cuticle::dual_scattering_around(m, terms, theta_i, theta_r, phi, n, f);
+    }
+    static Float count(const cuticle::DensityGrid<float, Float> &grid, const Float *origin, const Float *d,
+                       const Float &far) {
+        return cuticle::count_strands(grid, origin, cuticle::Direction<Float>{d[0], d[1], d[2]}, far);
     }
 };
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -161,13 +160,16 @@ class Groom:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the text file of Mitsuba's `bsplinecurve`: x y z radius a line, a blank line between strands.
 
-        The curves pass through this groom's points.
+        The curves pass through this groom's points. A last strand of radius 0, which no ray meets, is added: Mitsuba 3.9
+        reads past the end of its memory where a ray meets the very tip of the last curve. `read_groom` drops it.
         """
         control, offsets = self.control_points()
-        lines = np.char.mod("%.7g", control)
-        rows = [" ".join(row) for row in lines.tolist()]
-        text = "\n\n".join("\n".join(rows[a:b]) for a, b in pairwise(offsets))
-        write_text(path, text + "\n")
+        guard = np.column_stack([np.linspace(control[-2, :3], control[-1, :3], 4), np.zeros(4)])
+        control, offsets = np.concatenate([control, guard]), np.append(offsets, len(control) + 4)
+        # One format for the whole file: a row at a time takes ten times as long.
+        rows = np.full(len(control), "%.7g %.7g %.7g %.7g\n", object)
+        rows[offsets[1:-1] - 1] += "\n"
+        write_text(path, "".join(rows.tolist()) % tuple(control.ravel().tolist()))
 
 
 def join_grooms(grooms: Sequence[Groom]) -> Groom:
@@ -204,6 +206,10 @@ def read_groom(path: str | os.PathLike[str], *, radius: float | None = None) -> 
     keep = counts >= 2  # a strand of one point is no curve
     if not keep.any():
         raise ValueError(f"{path}: no strand has 2 points or more")
+    if found is not None:
+        keep &= np.maximum.reduceat(found, np.concatenate([[0], np.cumsum(counts)[:-1]])) > 0  # nor is one of no width
+        if not keep.any():
+            raise ValueError(f"{path}: no strand has a radius above 0")
     kept = np.repeat(keep, counts)
     points, counts = points[kept], counts[keep]
     if not np.isfinite(points).all():

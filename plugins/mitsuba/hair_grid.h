@@ -1,0 +1,137 @@
+// The density grid of a scene's hair, built from the control points of its curves, in Mitsuba's memory.
+#pragma once
+
+#include "drjit_traits.h"
+
+#include <mitsuba/render/scene.h>
+#include <mitsuba/render/shape.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string_view>
+#include <vector>
+
+#include "cuticle/density_grid.h"
+#include "mixture.h"
+
+namespace cuticle_mitsuba {
+
+// The control points (x y z radius each) and the first control point of each cubic segment, read off a shape.
+template <class Float> class CurveReader final : public mitsuba::TraversalCallback {
+  public:
+    std::vector<float> points;
+    std::vector<uint32_t> segments;
+
+    bool found() const { return !points.empty() && !segments.empty(); }
+
+  protected:
+    using UInt32 = dr::uint32_array_t<Float>;
+
+    void put_value(std::string_view name, void *value, uint32_t, const std::type_info &) override {
+        if (name == "control_points") copy(*static_cast<mitsuba::DynamicBuffer<Float> *>(value), points);
+        else if (name == "segment_indices") copy(*static_cast<mitsuba::DynamicBuffer<UInt32> *>(value), segments);
+    }
+    void put_object(std::string_view, mitsuba::Object *, uint32_t) override {}
+
+  private:
+    template <class From, class To> static void copy(const From &from, std::vector<To> &to) {
+        auto host = dr::migrate(from, JitBackend::None);
+        if constexpr (dr::is_jit_v<From>) dr::sync_thread();
+        to.assign(host.data(), host.data() + host.size());
+    }
+};
+
+template <class Float> class HairGrid {
+  public:
+    // Adds a shape's curves; false where it has none that can be read.
+    template <class Shape> bool add(Shape *shape) {
+        CurveReader<Float> reader;
+        shape->traverse(&reader);
+        if (!reader.found()) return false;
+        for (const uint32_t first : reader.segments) {
+            if ((size_t(first) + 4) * 4 > reader.points.size()) return false;
+            const float *p = reader.points.data() + 4 * size_t(first);
+            float from[4];
+            spline(p, 0, from);
+            for (int k = 1; k <= pieces; ++k) {
+                float to[4];
+                spline(p, float(k) / pieces, to);
+                m_pieces.insert(m_pieces.end(), {from[0], from[1], from[2], to[0], to[1], to[2], .5f * (from[3] + to[3])});
+                std::copy(to, to + 4, from);
+            }
+        }
+        return true;
+    }
+
+    // Makes the grid of all that was added, `cells` along its longest side.
+    void build(int cells) {
+        float low[3], high[3], widest = 0, longest = 0;
+        for (int a = 0; a < 3; ++a) {
+            low[a] = std::numeric_limits<float>::max();
+            high[a] = std::numeric_limits<float>::lowest();
+        }
+        for (size_t i = 0; i < m_pieces.size(); i += 7) {
+            for (size_t a = 0; a < 3; ++a) {
+                low[a] = std::min({low[a], m_pieces[i + a], m_pieces[i + 3 + a]});
+                high[a] = std::max({high[a], m_pieces[i + a], m_pieces[i + 3 + a]});
+            }
+            widest = std::max(widest, m_pieces[i + 6]);
+        }
+        for (int a = 0; a < 3; ++a) {
+            low[a] -= widest;
+            high[a] += widest;
+            longest = std::max(longest, high[a] - low[a]);
+        }
+        size_t count = cuticle::density_columns;
+        for (int a = 0; a < 3; ++a) {
+            m_grid.size[a] = std::clamp(int(std::ceil(float(cells) * (high[a] - low[a]) / longest)), 1, cells);
+            m_grid.lower[a] = low[a];
+            m_grid.cell[a] = (high[a] - low[a]) / float(m_grid.size[a]);
+            count *= size_t(m_grid.size[a]);
+        }
+        std::vector<float> values(count, 0.f);
+        const cuticle::DensityGrid<float> view{values.data(),
+                                               {m_grid.size[0], m_grid.size[1], m_grid.size[2]},
+                                               {m_grid.lower[0], m_grid.lower[1], m_grid.lower[2]},
+                                               {m_grid.cell[0], m_grid.cell[1], m_grid.cell[2]}};
+        for (size_t i = 0; i < m_pieces.size(); i += 7)
+            cuticle::deposit_strand(view, values.data(), &m_pieces[i], &m_pieces[i + 3], m_pieces[i + 6]);
+        m_values = dr::load<Buffer<Float>>(values.data(), values.size());
+        dr::make_opaque(m_values);
+        m_pieces.clear();
+        m_pieces.shrink_to_fit();
+    }
+
+    // Expected strands from `origin` along `direction`, up to `distance`.
+    template <class Point, class Vector>
+    Float strands(const Point &origin, const Vector &direction, const Float &distance) const {
+        const cuticle::DensityGrid<float, Memory<Float>> view{memory<Float>(m_values),
+                                                              {m_grid.size[0], m_grid.size[1], m_grid.size[2]},
+                                                              {m_grid.lower[0], m_grid.lower[1], m_grid.lower[2]},
+                                                              {m_grid.cell[0], m_grid.cell[1], m_grid.cell[2]}};
+        const Float from[3] = {origin.x(), origin.y(), origin.z()};
+        return cuticle::count_strands(view, from, cuticle::Direction<Float>{direction.x(), direction.y(), direction.z()},
+                                      distance);
+    }
+
+    const int *size() const { return m_grid.size; }
+
+    Buffer<Float> m_values;
+
+  private:
+    static constexpr int pieces = 4;  // of a segment, each straight
+
+    // A uniform cubic B-spline with the control points p[0..3], x y z radius each, at t in [0, 1].
+    static void spline(const float *p, float t, float *out) {
+        const float s = 1 - t;
+        const float w[] = {s * s * s / 6, (3 * t * t * t - 6 * t * t + 4) / 6, (3 * s * s * s - 6 * s * s + 4) / 6,
+                           t * t * t / 6};
+        for (int a = 0; a < 4; ++a) out[a] = w[0] * p[a] + w[1] * p[4 + a] + w[2] * p[8 + a] + w[3] * p[12 + a];
+    }
+
+    std::vector<float> m_pieces;  // from, to, radius
+    cuticle::DensityGrid<float> m_grid{};
+};
+
+}  // namespace cuticle_mitsuba

@@ -1,0 +1,22 @@
+// The variants of Mitsuba that the plugins are compiled for.
+#pragma once
+
+#include <mitsuba/core/object.h>
+#include <mitsuba/core/properties.h>
+
+#define CUTICLE_REGISTER(Name, Variant, ...)   \
+    fn(name, Variant, Name<__VA_ARGS__>::Type, \
+       [](void *, const Properties &props) -> ref<Object> { return new Name<__VA_ARGS__>(props); });
+
+#define CUTICLE_LLVM drjit::DiffArray<JitBackend::LLVM, float>
+#define CUTICLE_CUDA drjit::DiffArray<JitBackend::CUDA, float>
+
+#define CUTICLE_EXPORT_PLUGIN(Name)                                                         \
+    extern "C" MI_EXPORT void init_plugin(std::string_view name, PluginRegisterFn fn) {     \
+        CUTICLE_REGISTER(Name, "scalar_rgb", float, Color<float, 3>)                        \
+        CUTICLE_REGISTER(Name, "scalar_spectral", float, Spectrum<float, 4>)                \
+        CUTICLE_REGISTER(Name, "llvm_ad_rgb", CUTICLE_LLVM, Color<CUTICLE_LLVM, 3>)         \
+        CUTICLE_REGISTER(Name, "llvm_ad_spectral", CUTICLE_LLVM, Spectrum<CUTICLE_LLVM, 4>) \
+        CUTICLE_REGISTER(Name, "cuda_ad_rgb", CUTICLE_CUDA, Color<CUTICLE_CUDA, 3>)         \
+        CUTICLE_REGISTER(Name, "cuda_ad_spectral", CUTICLE_CUDA, Spectrum<CUTICLE_CUDA, 4>) \
+    }

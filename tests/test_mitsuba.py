@@ -1,0 +1,381 @@
+"""The BSDF `cuticle` in Mitsuba, beside what Python computes."""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+import cuticle
+from conftest import COUNTS
+from cuticle.models import LONGITUDINAL_OF
+
+if importlib.util.find_spec("mitsuba") is None:
+    pytest.skip("Mitsuba is not installed: pip install 'cuticle[mitsuba]'", allow_module_level=True)
+
+UseVariant = Callable[[str], Any]
+FIBRES = ("blond", "brown", "black", "marschner", "document")
+VARIANTS = {"scalar_rgb": 2_000, "llvm_ad_rgb": 100_000}  # and how many inputs: scalar ones go one by one
+AMONG_STRANDS = 1 << 31  # plugins/mitsuba/strands.h
+
+
+def alone(fibre: cuticle.Fibre) -> cuticle.Marschner:
+    return cuticle.Marschner(fibre, LONGITUDINAL_OF[fibre.formulation])
+
+
+class Directions(NamedTuple):
+    theta: np.ndarray
+    phi: np.ndarray
+    vector: np.ndarray  # in a curve's shading frame, single precision
+
+
+def directions(vector: np.ndarray) -> Directions:
+    w = vector.astype(np.float32)
+    x, y, z = w.astype(float).T
+    return Directions(np.arctan2(y, np.hypot(x, z)), np.arctan2(z, x), w)
+
+
+def random_directions(rng: np.random.Generator, n: int) -> Directions:
+    theta, phi = rng.uniform(-1.55, 1.55, n), rng.uniform(-np.pi, np.pi, n)
+    return directions(np.stack([np.cos(theta) * np.cos(phi), np.sin(theta), np.cos(theta) * np.sin(phi)], axis=-1))
+
+
+class Answers(NamedTuple):
+    f: np.ndarray  # f cos theta_i
+    pdf: np.ndarray
+    wo: Directions
+    sample_pdf: np.ndarray
+    weight: np.ndarray
+
+
+def ask(
+    mi: Any,
+    bsdf: Any,
+    r: Directions,
+    i: Directions,
+    u: np.ndarray,
+    strands: np.ndarray | None = None,
+    wavelength: bool = False,
+) -> Answers:
+    """What a BSDF says to viewers r, lights i and random numbers u; among strands where their number is given."""
+    context = mi.BSDFContext()
+    if strands is not None:
+        context.type_mask |= AMONG_STRANDS
+
+    def once(r_: np.ndarray, i_: np.ndarray, u_: np.ndarray, n_: Any) -> tuple[Any, ...]:
+        import drjit as dr
+
+        si = dr.zeros(mi.SurfaceInteraction3f, u_.shape[1] if u_.ndim > 1 else 1)
+        si.wi = mi.Vector3f(*r_)
+        if mi.is_spectral:
+            si.wavelengths = type(si.wavelengths)(440, 550, 570, 620)
+        if strands is not None:
+            si.duv_dx = mi.Vector2f(n_, 0)
+        wo = mi.Vector3f(*i_)
+        f, pdf = bsdf.eval_pdf(context, si, wo)
+        sample, weight = bsdf.sample(context, si, mi.Float(u_[0]), mi.Point2f(u_[1], u_[2]))
+        assert np.allclose(np.array(bsdf.eval(context, si, wo)), np.array(f), rtol=1e-6, atol=0)
+        assert np.allclose(np.array(bsdf.pdf(context, si, wo)), np.array(pdf), rtol=1e-6, atol=0)
+        return tuple(np.array(x) for x in (f, pdf, sample.wo, sample.pdf, weight))
+
+    n = np.zeros(len(u), np.float32) if strands is None else strands.astype(np.float32)
+    if "scalar" in mi.variant():
+        rows = [
+            once(*(list(map(float, v)) for v in (a, b)), np.array([float(x) for x in c]), float(k))
+            for a, b, c, k in zip(r.vector, i.vector, u, n, strict=True)
+        ]
+        f, pdf, wo, sample_pdf, weight = (np.array(x) for x in zip(*rows, strict=True))
+    else:
+        f, pdf, wo, sample_pdf, weight = once(r.vector.T, i.vector.T, u.T, n)
+        f, wo, weight = f.T, wo.T, weight.T
+    return Answers(f, np.ravel(pdf), directions(wo), np.ravel(sample_pdf), weight)
+
+
+def relative(a: np.ndarray, b: np.ndarray) -> float:
+    return float((np.abs(a - b) / np.maximum(np.abs(b), 1e-10)).max())
+
+
+@pytest.mark.parametrize("fibre", FIBRES)
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_says_what_python_says(variant: str, fibre: str, use_variant: UseVariant) -> None:
+    mi = use_variant(variant)
+    from cuticle import mitsuba as plugin
+
+    rng = np.random.default_rng(1)
+    count = VARIANTS[variant]
+    r, i = random_directions(rng, count), random_directions(rng, count)
+    u = rng.random((count, 3), np.float32)
+    said = ask(mi, mi.load_dict({"type": "cuticle", "fibre": fibre}), r, i, u)
+    material = plugin.read_material({"fibre": fibre})
+    f = alone(material.fibre).eval(i.theta, r.theta, i.phi - r.phi) * np.cos(i.theta)[:, None]
+    assert relative(said.f, np.broadcast_to(f, said.f.shape)) <= 1e-4  # single precision and tables in it
+    assert material.single is not None
+    assert relative(said.pdf, material.single.pdf(i.theta, r.theta, i.phi - r.phi)) <= 1e-4
+    drawn = material.single.sample(r.theta, u.astype(float))
+    apart = np.abs(np.stack([said.wo.theta - drawn.theta_i, np.cos(drawn.theta_i) * _turn(said.wo.phi - r.phi - drawn.phi)]))
+    # Single precision: where a lobe's cdf is within 1e-4 of 0 or 1, erf has few digits left (u near an end; for phi, which is
+    # folded, u near 1/2 too).
+    tail = np.minimum(np.abs(u[:, 1:] - 0.5), 0.5 - np.abs(u[:, 1:] - 0.5)).min(axis=1)
+    inner = (tail > 2e-4) & (np.abs(u[:, 1:] - 0.5) < 0.5 - 2e-4).all(axis=1)
+    assert inner.mean() >= 0.995
+    assert apart[:, inner].max() <= 1e-4
+    assert apart.max() <= 5e-3
+    # What sample() returns is what pdf() and eval() say of the direction it drew.
+    assert relative(said.sample_pdf[inner], material.single.pdf(said.wo.theta, r.theta, said.wo.phi - r.phi)[inner]) <= 1e-3
+    value = alone(material.fibre).eval(said.wo.theta, r.theta, said.wo.phi - r.phi) * np.cos(said.wo.theta)[:, None]
+    assert relative((said.weight * said.sample_pdf[:, None])[inner], np.broadcast_to(value, said.f.shape)[inner]) <= 1e-3
+
+
+def _turn(x: np.ndarray) -> np.ndarray:
+    return (x + np.pi) % (2 * np.pi) - np.pi
+
+
+@pytest.mark.parametrize("fibre", ["blond", "document"])
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_among_strands_says_what_python_says(variant: str, fibre: str, use_variant: UseVariant) -> None:
+    mi = use_variant(variant)
+    from cuticle import mitsuba as plugin
+
+    rng = np.random.default_rng(2)
+    count = VARIANTS[variant] // 4
+    r, i = random_directions(rng, count), random_directions(rng, count)
+    u = rng.random((count, 3), np.float32)
+    bsdf = mi.load_dict({"type": "cuticle", "fibre": fibre})
+    material = plugin.read_material({"fibre": fibre})
+    model = cuticle.DualScattering(material.fibre)
+    assert material.combined is not None
+    for n in (0.0, 0.5, 1.0, 2.0, 7.0):
+        said = ask(mi, bsdf, r, i, u, np.full(count, n))
+        f = model.with_strands(n).eval(i.theta, r.theta, i.phi - r.phi) * np.cos(i.theta)[:, None]
+        assert relative(said.f, np.broadcast_to(f, said.f.shape)) <= 2e-4  # a_f to the n-th power
+        # The direction is drawn, and its density told, without knowing n.
+        assert relative(said.pdf, material.combined.pdf(i.theta, r.theta, i.phi - r.phi)) <= 1e-4
+
+
+@pytest.mark.parametrize("variant", ["scalar_rgb", "scalar_spectral", "llvm_ad_rgb", "llvm_ad_spectral"])
+def test_scale_multiplies_the_absorption(variant: str, use_variant: UseVariant) -> None:
+    mi = use_variant(variant)
+    rng = np.random.default_rng(3)
+    count = 500
+    r, i = random_directions(rng, count), random_directions(rng, count)
+    u = rng.random((count, 3), np.float32)
+    for fibre in ("blond", "document"):
+        own = cuticle.Fibre.preset(fibre)
+        for scale in (0.3, 1.0, 2.7):
+            said = ask(mi, mi.load_dict({"type": "cuticle", "fibre": fibre, "scale": scale}), r, i, u)
+            model = alone(own.replace(sigma_a=tuple(scale * x for x in own.absorption)))
+            f = model.eval(i.theta, r.theta, i.phi - r.phi) * np.cos(i.theta)[:, None]
+            if "spectral" in variant and fibre != "document":
+                f = f[:, [2, 1, 1, 0]]  # blue, green, green, red: the wavelengths that are asked for
+            # Between two tabulated absorptions N is interpolated as exp(-sigma_a l) with one length l.
+            assert relative(said.f, np.broadcast_to(f, said.f.shape)) <= 0.01
+
+
+def test_a_texture_colours_strand_by_strand(use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    texture = {"type": "checkerboard", "color0": 0.5, "color1": 2.0, "to_uv": mi.ScalarTransform4f().scale([1, 1, 1])}
+    bsdf = mi.load_dict({"type": "cuticle", "fibre": "brown", "scale": texture})
+    import drjit as dr
+
+    si = dr.zeros(mi.SurfaceInteraction3f)
+    si.wi = mi.Vector3f(0, 0, 1)
+    values = []
+    for uv in ((0.2, 0.2), (0.2, 0.8)):
+        si.uv = mi.Point2f(*uv)
+        values.append(np.array(bsdf.eval(mi.BSDFContext(), si, mi.Vector3f(0, 0.1, -1))))
+    plain = [
+        np.array(
+            mi.load_dict({"type": "cuticle", "fibre": "brown", "scale": s}).eval(
+                mi.BSDFContext(), si, mi.Vector3f(0, 0.1, -1)
+            )
+        )
+        for s in (0.5, 2.0)
+    ]
+    assert sorted(map(tuple, values)) == sorted(map(tuple, plain))
+    assert not np.allclose(*values)
+
+
+def test_parameters_are_traversed_and_change_what_is_seen(use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    bsdf = mi.load_dict({"type": "cuticle", "fibre": "brown"})
+    parameters = mi.traverse(bsdf)
+    assert {"sigma_a.value", "scale.value"} <= set(parameters.keys())
+    rng = np.random.default_rng(4)
+    r, i, u = random_directions(rng, 50), random_directions(rng, 50), rng.random((50, 3), np.float32)
+    before = ask(mi, bsdf, r, i, u).f
+    parameters["sigma_a.value"] = mi.Color3f(0.1, 0.2, 0.3)
+    parameters.update()
+    after = ask(mi, bsdf, r, i, u).f
+    wanted = alone(cuticle.Fibre.preset("brown").replace(sigma_a=(0.1, 0.2, 0.3)))
+    f = wanted.eval(i.theta, r.theta, i.phi - r.phi) * np.cos(i.theta)[:, None]
+    assert relative(after, f) <= 0.01
+    assert relative(before, f) > 0.1
+
+
+def test_absorption_is_differentiable(use_variant: UseVariant) -> None:
+    mi = use_variant("llvm_ad_rgb")
+    import drjit as dr
+
+    bsdf = mi.load_dict({"type": "cuticle", "fibre": "brown", "scale": 1.3})
+    parameters = mi.traverse(bsdf)
+    scale = mi.Float(1.3)
+    dr.enable_grad(scale)
+    parameters["scale.value"] = scale
+    parameters.update()
+    rng = np.random.default_rng(5)
+    r, i = random_directions(rng, 1000), random_directions(rng, 1000)
+    si = dr.zeros(mi.SurfaceInteraction3f, 1000)
+    si.wi = mi.Vector3f(*r.vector.T)
+    total = dr.sum(dr.mean(bsdf.eval(mi.BSDFContext(), si, mi.Vector3f(*i.vector.T))))
+    dr.backward(total)
+
+    def energy(s: float) -> float:
+        fibre = cuticle.Fibre.preset("brown")
+        model = alone(fibre.replace(sigma_a=tuple(s * x for x in fibre.absorption)))
+        return float((model.eval(i.theta, r.theta, i.phi - r.phi).mean(axis=1) * np.cos(i.theta)).sum())
+
+    slope = (energy(1.301) - energy(1.299)) / 0.002
+    assert float(np.ravel(np.array(scale.grad))[0]) == pytest.approx(slope, rel=0.02)  # of an interpolation
+
+
+@pytest.mark.parametrize("sampling", ["lobes", "document", "uniform"])
+def test_every_sampling_tells_its_own_density(sampling: str, use_variant: UseVariant) -> None:
+    mi = use_variant("llvm_ad_rgb")
+    from cuticle import mitsuba as plugin
+
+    rng = np.random.default_rng(6)
+    r, i, u = random_directions(rng, 5000), random_directions(rng, 5000), rng.random((5000, 3), np.float32)
+    said = ask(mi, mi.load_dict({"type": "cuticle", "fibre": "brown", "sampling": sampling}), r, i, u)
+    single = plugin.read_material({"fibre": "brown", "sampling": sampling}).single
+    if sampling == "uniform":
+        assert single is None
+        assert relative(said.pdf, np.full(5000, 1 / (4 * np.pi))) <= 1e-6
+    else:
+        assert single is not None
+        assert relative(said.pdf, single.pdf(i.theta, r.theta, i.phi - r.phi)) <= 2e-4
+
+
+def test_a_sampler_file_is_what_is_drawn_from(tmp_path: Path, use_variant: UseVariant) -> None:
+    mi = use_variant("llvm_ad_rgb")
+    model = cuticle.DualScattering(cuticle.Fibre.preset("brown"))
+    path = cuticle.fit(model, 3, strands=COUNTS).sampler.save(tmp_path / "brown.json")
+    bsdf = mi.load_dict({"type": "cuticle", "filename": str(path)})
+    rng = np.random.default_rng(7)
+    r, i, u = random_directions(rng, 5000), random_directions(rng, 5000), rng.random((5000, 3), np.float32)
+    said = ask(mi, bsdf, r, i, u)
+    assert relative(said.pdf, cuticle.Sampler.load(path).pdf(i.theta, r.theta, i.phi - r.phi, strands=0)) <= 1e-4
+    f = alone(model.fibre).eval(i.theta, r.theta, i.phi - r.phi) * np.cos(i.theta)[:, None]
+    assert relative(said.f, f) <= 1e-4
+    assert "3 lobes" in str(bsdf)
+    text = f'<bsdf version="3.0.0" type="cuticle"><string name="filename" value="{path}"/></bsdf>'
+    assert str(mi.load_string(text)) == str(bsdf)
+
+
+def test_says_what_it_holds(use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    text = str(mi.load_string('<bsdf version="3.0.0" type="cuticle"><string name="fibre" value="brown"/></bsdf>'))
+    for part in ("eumelanin=1.3", "beta_R=8.3", "4 lobes", "sampling among strands", "sigma_a", "scale"):
+        assert part in text
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (
+            {"fibre": "purple"},
+            "fibre must be a preset (document, marschner, blond, brown, black) or a TOML file, got 'purple'",
+        ),
+        ({"fibre": "brown", "betaR": 3.0}, "cuticle has no parameter 'betaR'"),
+        ({}, "cuticle needs a fibre"),
+        ({"fibre": "brown", "beta_R": 400.0}, "beta_R must be in [0.1, 60] degrees, got 400"),
+        ({"fibre": "brown", "sampling": "best"}, "sampling must be one of lobes, document, uniform; got 'best'"),
+        ({"fibre": "brown", "lobes": 99}, "lobes must be in [1, 16], got 99"),
+        ({"fibre": "brown", "direct_share": 1.5}, "direct_share must be in [0.01, 0.99], got 1.5"),
+        ({"filename": "nowhere.json"}, "cannot read sampler nowhere.json: No such file or directory"),
+        ({"fibre": "nowhere.toml"}, "cannot read fibre nowhere.toml: No such file or directory"),
+    ],
+)
+def test_bad_parameters_are_one_line(given: dict[str, Any], message: str, use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    with pytest.raises(RuntimeError) as caught:
+        mi.load_dict({"type": "cuticle", **given})
+    text = str(caught.value)
+    assert message in text
+    assert "Traceback" not in text
+
+
+def test_an_old_llvm_is_told_before_it_aborts(use_variant: UseVariant, monkeypatch: pytest.MonkeyPatch) -> None:
+    mi = use_variant("scalar_rgb")
+    import drjit as dr
+
+    monkeypatch.setattr(dr, "has_backend", lambda _: True)
+    monkeypatch.setattr(dr.detail, "llvm_version", lambda: (15, 0, 6))
+    mi.set_variant("llvm_ad_rgb")
+    with pytest.raises(RuntimeError, match=r"would abort with LLVM 15.0.6: install LLVM 19 or newer"):
+        mi.load_dict({"type": "cuticle", "fibre": "brown"})
+    monkeypatch.setattr(dr, "has_backend", lambda _: False)
+    with pytest.raises(RuntimeError, match="needs LLVM and none is found"):
+        mi.load_dict({"type": "cuticle", "fibre": "brown"})
+
+
+def test_another_mitsuba_is_refused(use_variant: UseVariant, monkeypatch: pytest.MonkeyPatch) -> None:
+    mi = use_variant("scalar_rgb")
+    from cuticle import mitsuba as plugin
+
+    monkeypatch.setattr(mi, "__version__", "3.8.0")
+    with pytest.raises(RuntimeError, match=r"this is 3.8.0: pip install mitsuba==3.9.1"):
+        plugin.register()
+    monkeypatch.undo()
+    monkeypatch.setattr(plugin, "plugin_folder", lambda: Path("/nowhere"))
+    with pytest.raises(RuntimeError, match="built without its Mitsuba plugins"):
+        plugin.register()
+
+
+def test_without_mitsuba_the_rest_works() -> None:
+    script = (
+        "import sys; sys.modules['mitsuba'] = None\n"
+        "import cuticle, cuticle.cli\n"
+        "cuticle.DualScattering(cuticle.Fibre.preset('brown'))\n"
+        "try:\n    import cuticle.mitsuba\nexcept ImportError as error:\n    print(error)\n"
+    )
+    ran = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert "needs Mitsuba 3.9.1" in ran.stdout
+    assert "pip install 'cuticle[mitsuba]'" in ran.stdout
+
+
+# 25 of ours, one family at 1e-3 together.
+VIEWERS = (0, 60, -60, 85, -85)
+
+
+@pytest.mark.parametrize("degrees", VIEWERS)
+@pytest.mark.parametrize("fibre", FIBRES)
+def test_passes_mitsubas_chi_square(fibre: str, degrees: float, use_variant: UseVariant) -> None:
+    mi = use_variant("llvm_ad_rgb")
+    passed, p_value = chi_square(mi, "cuticle", f'<string name="fibre" value="{fibre}"/>', degrees)
+    assert passed, p_value
+
+
+@pytest.mark.parametrize(("roughness", "eumelanin"), [(0.25, 0.3), (0.3, 1.3)])
+def test_mitsubas_own_hair_fails_the_same(roughness: float, eumelanin: float, use_variant: UseVariant) -> None:
+    mi = use_variant("llvm_ad_rgb")
+    values = {"longitudinal_roughness": roughness, "azimuthal_roughness": 0.3, "eumelanin": eumelanin, "pheomelanin": 0}
+    xml = "".join(f'<float name="{k}" value="{v}"/>' for k, v in values.items())
+    assert not chi_square(mi, "hair", xml, 60)[0]
+
+
+def chi_square(mi: Any, name: str, xml: str, degrees: float) -> tuple[bool, float]:
+    from mitsuba.chi2 import BSDFAdapter, ChiSquareTest, SphericalDomain
+
+    t = np.radians(degrees)
+    viewer = mi.ScalarVector3f(0.3 * np.cos(t), np.sin(t), np.sqrt(0.91) * np.cos(t))
+    sample, pdf = BSDFAdapter(name, xml, wi=viewer)
+    test = ChiSquareTest(
+        domain=SphericalDomain(), sample_func=sample, pdf_func=pdf, sample_dim=3, sample_count=500_000, res=201, ires=8
+    )
+    return test.run(significance_level=1e-3, test_count=len(FIBRES) * len(VIEWERS), quiet=True), test.p_value
