@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
-NATIVE := $(wildcard src/native/*) $(wildcard include/cuticle/*) CMakeLists.txt pyproject.toml
+NATIVE := $(wildcard src/native/* include/cuticle/* plugins/mitsuba/*) CMakeLists.txt pyproject.toml
 
 .PHONY: demo test lint format bench docs clean
 .DELETE_ON_ERROR:
@@ -34,14 +34,14 @@ $(BIN)/python:
 
 # Compiled for this machine: the extension stays in .venv.
 $(VENV)/.installed: $(NATIVE) | $(BIN)/python
-	@echo "setting up $(VENV): compiling the core takes a minute"
-	$(PIP) install --config-settings=cmake.define.CUTICLE_NATIVE=ON -e .
+	@echo "setting up $(VENV): Mitsuba is 60 MB, compiling takes a minute"
+	$(PIP) install --config-settings=cmake.define.CUTICLE_NATIVE=ON -e '.[mitsuba]'
 	@touch $@
 
 # The report is opened in a browser: Debian's is installed where that can be done, else the test says why it is skipped.
 BROWSER := chromium chromium-driver fonts-dejavu-core
 $(VENV)/.installed-test: $(VENV)/.installed
-	$(PIP) install 'drjit==1.5.0' 'hypothesis>=6' 'pytest>=8' 'selenium>=4.20'
+	$(PIP) install 'hypothesis>=6' 'karellen-llvm-core>=19' 'pytest>=8' 'selenium>=4.20'
 	@if command -v chromium >/dev/null && command -v chromedriver >/dev/null; then :; \
 	elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
 		echo "installing $(BROWSER) for the report's test"; \

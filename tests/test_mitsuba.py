@@ -119,8 +119,8 @@ def test_says_what_python_says(variant: str, fibre: str, use_variant: UseVariant
     assert relative(said.pdf, material.single.pdf(i.theta, r.theta, i.phi - r.phi)) <= 1e-4
     drawn = material.single.sample(r.theta, u.astype(float))
     apart = np.abs(np.stack([said.wo.theta - drawn.theta_i, np.cos(drawn.theta_i) * _turn(said.wo.phi - r.phi - drawn.phi)]))
-    # Single precision: where a lobe's cdf is within 1e-4 of 0 or 1, erf has few digits left (u near an end; for phi, which is
-    # folded, u near 1/2 too).
+    # Single precision: where a lobe's cdf is within 1e-4 of 0 or 1, erf has few digits left (u near an end; for phi, which
+    # is folded, u near 1/2 too).
     tail = np.minimum(np.abs(u[:, 1:] - 0.5), 0.5 - np.abs(u[:, 1:] - 0.5)).min(axis=1)
     inner = (tail > 2e-4) & (np.abs(u[:, 1:] - 0.5) < 0.5 - 2e-4).all(axis=1)
     assert inner.mean() >= 0.995
