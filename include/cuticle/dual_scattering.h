@@ -121,8 +121,8 @@ template <class Float, class Scalar, class Memory, class Channel>
 CUTICLE_HD Float sum_around(const DualScatteringModel<Scalar, Memory> &model, const AzimuthalTerms<Float> &terms,
                             const Bilinear<Float> &at, const Channel &channel, const Float &strands) {
     Float f = terms.constant;
-    if (ArrayTraits<Float>::any(strands < Float(1))) f = f + sum_rows(model.direct, terms, direct_rows, at, channel);
-    if (ArrayTraits<Float>::any(strands > Float(0))) f = f + sum_rows(model.spread, terms, spread_rows, at, channel);
+    if (ArrayTraits<Float>::any(strands < Float(1))) f = add_rows(f, model.direct, terms, direct_rows, at, channel);
+    if (ArrayTraits<Float>::any(strands > Float(0))) f = add_rows(f, model.spread, terms, spread_rows, at, channel);
     return f;
 }
 

@@ -49,11 +49,10 @@ CUTICLE_HD void marschner_terms(const FibreLobes<Scalar> &fibre, const Float &th
     }
 }
 
-// One table's part of one channel, an int or a ChannelBetween, at a place that `locate` found.
+// `sum` and one table's part of one channel, an int or a ChannelBetween, at a place that `locate` found.
 template <class Float, class Memory, class Channel>
-CUTICLE_HD Float sum_rows(const AzimuthalTable<Memory> &table, const AzimuthalTerms<Float> &terms, AzimuthalRows rows,
-                          const Bilinear<Float> &at, const Channel &channel) {
-    Float sum = Float(0);
+CUTICLE_HD Float add_rows(Float sum, const AzimuthalTable<Memory> &table, const AzimuthalTerms<Float> &terms,
+                          AzimuthalRows rows, const Bilinear<Float> &at, const Channel &channel) {
     for (int p = 0; p < lobe_count; ++p) sum = sum + terms.weight[rows][p] * azimuthal_value(table, at, p, channel);
     return sum;
 }
@@ -64,7 +63,7 @@ CUTICLE_HD void marschner_around(const FibreLobes<Scalar> &fibre, const Azimutha
                                  const AzimuthalTerms<Float> *terms, const Float &theta_i, const Float &theta_r,
                                  const Float &phi, Float *f) {
     const Bilinear<Float> at = locate(table, azimuthal_inclination(fibre.form, theta_i, theta_r), phi);
-    for (int c = 0; c < table.channels; ++c) f[c] = sum_rows(table, terms[c], direct_rows, at, c);
+    for (int c = 0; c < table.channels; ++c) f[c] = add_rows(Float(0), table, terms[c], direct_rows, at, c);
 }
 
 }  // namespace cuticle

@@ -181,7 +181,7 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public BS
         cuticle::marschner_terms(m_fibre, theta_i, theta_r, cuticle::mask_all, 1, &alone);
         const Float n = surrounded ? cuticle_mitsuba::strands(si) : Float(0);
         const auto value = [&](const auto &channel) {
-            if (!surrounded) return cuticle::sum_rows(model.direct, alone, cuticle::direct_rows, at, channel);
+            if (!surrounded) return cuticle::add_rows(Float(0), model.direct, alone, cuticle::direct_rows, at, channel);
             auto terms = alone;
             cuticle::add_surroundings(model, channel, theta_i, theta_r, n, cuticle::mask_all, terms);
             return cuticle::sum_around(model, terms, at, channel, n);

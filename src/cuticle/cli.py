@@ -1,19 +1,16 @@
-"""The command line: `cuticle fibres`, `fit`, `check`, `document`, `report`."""
+"""The command line: `cuticle fibres`, `fit`, `check`, `document`, `report`; `render` stands in cuticle.render.command."""
 
 from __future__ import annotations
 
 import io
 import json
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from cuticle import validate
 from cuticle.check import check
@@ -24,8 +21,10 @@ from cuticle.files import read_text, writable_directory, write_bytes, write_text
 from cuticle.fit import FORMS, OBJECTIVES, Fit, fit
 from cuticle.lobe_table import MAX_LOBES
 from cuticle.models import DualScattering, Marschner
-from cuticle.presets import PRESETS
+from cuticle.presets import PRESETS, read_fibre
+from cuticle.render.command import app as render_app
 from cuticle.sampler import Sampler
+from cuticle.terminal import FibreArgument, JsonOption, err, out, progress_bar
 
 app = typer.Typer(
     help="Importance samplers for hair fibres: fitted to a scattering function, and proven.",
@@ -33,32 +32,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-# A pipe or a file has no width of its own: give the tables room there.
-out = Console() if sys.stdout.isatty() else Console(width=118)
-err = Console(stderr=True)
-
-JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON for scripts instead of a table.")]
-FibreArgument = Annotated[
-    str, typer.Argument(metavar="PRESET|FILE.toml", help="A preset's name, or a TOML file with a table named fibre.")
-]
-
-
-@contextmanager
-def _progress(quiet: bool) -> Iterator[Callable[[str, float], None]]:
-    """Show a bar on standard error while something runs; nothing where it is no terminal or JSON was asked for."""
-    columns = (TextColumn("{task.description:<34}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=err, transient=True, disable=quiet or not err.is_terminal) as bar:
-        task = bar.add_task("starting", total=1.0)
-        yield lambda phase, fraction: bar.update(task, description=phase, completed=fraction)
-
-
-def read_fibre(name: str) -> Fibre:
-    """Return a preset by name or a fibre from a TOML file."""
-    if name in PRESETS:
-        return Fibre.preset(name)
-    if not name.endswith(".toml") and not Path(name).exists():
-        raise ValueError(f"fibre must be a preset ({', '.join(PRESETS)}) or a TOML file, got {name!r}")
-    return Fibre.load(name)
+app.add_typer(render_app, name="render")
 
 
 def read_strands(text: str) -> tuple[float, ...]:
@@ -124,7 +98,7 @@ def fit_command(
     validate.number("--defensive", defensive, 0, 0.99)
     model = DualScattering(parsed)
     folder = writable_directory(output)
-    with _progress(json_output) as progress:
+    with progress_bar(json_output) as progress:
         result = fit(model, number, strands=counts, form=form, objective=objective, defensive=defensive, progress=progress)
     result.sampler.save(folder / "sampler.json")
     parsed.save(folder / "fibre.toml")
@@ -162,7 +136,7 @@ def check_command(
     counts = None if strands is None else read_strands(strands)
     if output is not None:
         writable_directory(output.parent, make=False)
-    with _progress(json_output) as progress:
+    with progress_bar(json_output) as progress:
         report = check(loaded, model, strands=counts, samples=samples, seed=seed, progress=progress)
     text = json.dumps(report.to_dict(), indent=2, allow_nan=False) + "\n"
     if output is not None:
@@ -194,7 +168,7 @@ def document_command(
     tables = Printed.load(printed) if printed is not None else Printed.find() if fibre == "document" else None
     if output is not None:
         writable_directory(output)
-    with _progress(json_output) as progress:
+    with progress_bar(json_output) as progress:
         result = document(parsed, printed=tables, name=Path(fibre).stem, progress=progress)
         if output is not None:
             result.save(output, progress=progress)
@@ -239,12 +213,12 @@ def demo_command(output: Annotated[Path, typer.Option("-o", "--output", metavar=
 
     folder = writable_directory(output)
     model = DualScattering(Fibre.preset("document"))
-    with _progress(False) as progress:
+    with progress_bar(False) as progress:
         result = fit(model, 4, strands=(0, 1, 2, 4, 8), progress=progress)
     result.sampler.save(folder / "sampler.json")
     model.fibre.save(folder / "fibre.toml")
     write_text(folder / "fit.json", json.dumps(fit_summary(result), indent=2) + "\n")
-    with _progress(False) as progress:
+    with progress_bar(False) as progress:
         report = check(result.sampler, model, progress=progress)
     tables = check_tables(report)
     recorder = Console(record=True, width=118, file=io.StringIO())
@@ -253,7 +227,7 @@ def demo_command(output: Annotated[Path, typer.Option("-o", "--output", metavar=
     write_text(folder / "check.txt", recorder.export_text())
     write_text(folder / "check.json", json.dumps(report.to_dict(), indent=2, allow_nan=False) + "\n")
     write_bytes(folder / "densities.png", densities_figure(result.sampler, model))
-    with _progress(False) as progress:
+    with progress_bar(False) as progress:
         reproduced = document(model, printed=Printed.find(), lobes=result, name="document", progress=progress)
         reproduced.save(folder, progress=progress)
     page = write_report(folder)
@@ -322,7 +296,7 @@ def main() -> None:
         code = app(args=sys.argv[1:] or ["--help"], standalone_mode=False)
     except _UsageError as error:
         code = _complain(error.format_message())
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, RuntimeError) as error:
         code = _complain(str(error))
     except (KeyboardInterrupt, typer.Abort):
         code = _complain("stopped", code=130)

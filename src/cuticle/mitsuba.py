@@ -28,14 +28,14 @@ from cuticle.fibre import Fibre
 from cuticle.fit import DRAFT, DocumentFunctions, fit
 from cuticle.lobe_table import MAX_LOBES, SIGMA_PHI, SIGMA_THETA
 from cuticle.models import AVERAGE_LIMIT, LONGITUDINAL_OF, DualScattering, Marschner
-from cuticle.presets import PRESETS
+from cuticle.presets import PRESETS, read_fibre
+from cuticle.render.scene import SAMPLINGS
 from cuticle.sampler import Sampler
 
-__all__ = ["MITSUBA_VERSION", "SAMPLINGS", "VARIANTS", "Material", "register"]
+__all__ = ["MITSUBA_VERSION", "VARIANTS", "Material", "register"]
 
 MITSUBA_VERSION = "3.9.1"  # plugins are compiled against this one and fit no other
 VARIANTS = ("scalar_rgb", "scalar_spectral", "llvm_ad_rgb", "llvm_ad_spectral", "cuda_ad_rgb", "cuda_ad_spectral")
-SAMPLINGS = ("lobes", "document", "uniform")
 LLVM_NEEDED = 19  # Dr.Jit 1.5 aborts the process with 14, 15 and 16
 
 # Where a spectrum of three values turns from blue to green and from green to red, nm.
@@ -163,12 +163,8 @@ def _resolve(name: Any) -> str:
 def _read_fibre(given: dict[str, Any], loaded: Sampler | None) -> Fibre:
     own = {name: _plain(value) for name, value in given.items() if name in Fibre.model_fields}
     name = given.get("fibre")
-    if name in PRESETS:
-        fibre = Fibre.preset(str(name))
-    elif str(name).endswith(".toml"):
-        fibre = Fibre.load(_resolve(name))
-    elif name is not None:
-        raise ValueError(f"fibre must be a preset ({', '.join(PRESETS)}) or a TOML file, got {name!r}")
+    if name is not None:
+        fibre = read_fibre(str(name) if name in PRESETS else _resolve(name))
     elif loaded is not None:
         if loaded.fibre is None:
             raise ValueError(f"{given['filename']} does not say which fibre it is for: give fibre, too")

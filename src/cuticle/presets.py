@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 from cuticle.fibre import Fibre
 
@@ -49,3 +50,12 @@ def black() -> Fibre:
 
 
 PRESETS: dict[str, Callable[[], Fibre]] = {f.__name__: f for f in (document, marschner, blond, brown, black)}
+
+
+def read_fibre(name: str) -> Fibre:
+    """Return a preset by name or a fibre from a TOML file."""
+    if name in PRESETS:
+        return Fibre.preset(name)
+    if not name.endswith(".toml") and not Path(name).exists():
+        raise ValueError(f"fibre must be a preset ({', '.join(PRESETS)}) or a TOML file, got {name!r}")
+    return Fibre.load(name)

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from cuticle import validate
 from cuticle.render.groom import Groom
 
-__all__ = ["INTEGRATORS", "LIGHTS", "Light", "View", "bsdf", "integrator", "load_scene", "mitsuba"]
+__all__ = ["INTEGRATORS", "LIGHTS", "SAMPLINGS", "Light", "View", "bsdf", "integrator", "load_scene", "mitsuba"]
 
 LIGHTS = ("env", "studio", "area", "point", "sun")
 INTEGRATORS = ("path", "direct", "dual")
+SAMPLINGS = ("lobes", "document", "uniform")
 MAX_PIXELS = 8192
 
 
@@ -161,6 +162,7 @@ def _softboxes(axes: NDArray[np.float64], height: int = 128) -> NDArray[np.float
 
 def bsdf(fibre: str, sampling: str = "lobes", **parameters: Any) -> dict[str, Any]:
     """Return the BSDF as Mitsuba's dictionary; `fibre` is a preset, a TOML file or a sampler's JSON file."""
+    validate.choice("sampling", sampling, SAMPLINGS)
     key = "filename" if str(fibre).endswith(".json") else "fibre"
     return {"type": "cuticle", key: str(fibre), "sampling": sampling, **parameters}
 

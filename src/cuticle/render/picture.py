@@ -1,0 +1,127 @@
+"""Rendering in passes: pictures with progress, and files of them."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cuticle import validate
+from cuticle.files import write_bytes
+
+__all__ = ["FORMATS", "Pass", "over_backdrop", "passes", "rel_mse", "render", "save_picture", "srgb"]
+
+FORMATS = (".exr", ".png")
+MAX_SPP = 1 << 20
+_PASS_SECONDS = 0.5
+
+Image = NDArray[np.float64]
+
+
+class Pass(NamedTuple):
+    """A picture on its way: the mean of `spp` samples a pixel, after `seconds` of rendering."""
+
+    image: Image  # (height, width, 4): linear RGB, premultiplied, and coverage
+    spp: int
+    seconds: float
+
+
+def passes(scene: Any, spp: int, *, seed: int = 0, step: int | None = None) -> Iterator[Pass]:
+    """Render `spp` samples a pixel in passes, and yield the mean after each.
+
+    Parameters
+    ----------
+    scene
+        Mitsuba's scene.
+    spp
+        Samples a pixel in all.
+    seed
+        Of the random numbers, 0 to 10,000; each pass has its own.
+    step
+        Samples of a pass; if left out, it doubles as long as a pass takes under half a second.
+
+    The time is that of rendering alone.
+    """
+    import mitsuba as mi
+
+    spp = validate.integer("spp", spp, 1, MAX_SPP)
+    seed = validate.integer("seed", seed, 0, 10_000)
+    total: Any = 0.0
+    done, seconds, number, size = 0, 0.0, 0, step or 1
+    while done < spp:
+        size = min(size, spp - done)
+        begin = time.perf_counter()
+        image = np.array(mi.render(scene, spp=size, seed=(seed << 16) + number), np.float64)
+        took = time.perf_counter() - begin
+        total = total + image * size
+        done, seconds, number = done + size, seconds + took, number + 1
+        yield Pass(total / done, done, seconds)
+        if step is None and took < _PASS_SECONDS:
+            size *= 2
+
+
+def render(scene: Any, spp: int, *, seed: int = 0, progress: Callable[[str, float], None] | None = None) -> Pass:
+    """Render a scene and tell the progress; arguments as in `passes`."""
+    last: Pass | None = None
+    for last in passes(scene, spp, seed=seed):
+        if progress is not None:
+            progress(f"rendering, {last.spp} of {spp} samples", last.spp / spp)
+    assert last is not None
+    return last
+
+
+def rel_mse(image: Image, reference: Image) -> float:
+    """Return the relative mean square error of the colours: the mean of (I - R)²/(R² + 0.01) over pixels and channels."""
+    i, r = image[..., :3], reference[..., :3]
+    return float(np.mean((i - r) ** 2 / (r**2 + 0.01)))
+
+
+def over_backdrop(image: Image, top: float = 0.14, bottom: float = 0.045) -> Image:
+    """Return the picture over a plain grey that darkens downward, shape (height, width, 3), linear."""
+    ramp = np.linspace(top, bottom, image.shape[0])[:, None, None] * np.array([0.92, 1.0, 1.12])
+    return image[..., :3] + (1 - np.clip(image[..., 3:], 0, 1)) * ramp
+
+
+def srgb(linear: Image) -> NDArray[np.uint8]:
+    """Return linear colours as 8 bits of sRGB."""
+    x = np.clip(linear, 0, 1)
+    return np.round(255 * np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)).astype(np.uint8)
+
+
+def save_picture(path: str | os.PathLike[str], image: Image, *, exposure: float = 0.0) -> Path:
+    """Write a picture, whole or not at all: .exr as it is (linear, with coverage), .png over a grey backdrop.
+
+    Parameters
+    ----------
+    path
+        The file; its ending tells the format.
+    image
+        Shape (height, width, 4), as `render` gives it.
+    exposure
+        Stops by which a PNG is brightened.
+    """
+    target = picture_path(path)
+    import mitsuba as mi
+
+    if target.suffix.lower() == ".exr":
+        bitmap = mi.Bitmap(np.ascontiguousarray(image, np.float32))
+    else:
+        bitmap = mi.Bitmap(srgb(over_backdrop(image * np.array([2**exposure] * 3 + [1.0]))))
+    with tempfile.TemporaryDirectory() as folder:
+        inner = Path(folder) / f"picture{target.suffix.lower()}"
+        bitmap.write(str(inner))
+        return write_bytes(target, inner.read_bytes())
+
+
+def picture_path(path: str | os.PathLike[str]) -> Path:
+    """Return the path, or raise ValueError where its ending is none that can be written."""
+    target = Path(path)
+    if target.suffix.lower() not in FORMATS:
+        raise ValueError(f"a picture's name must end in {' or '.join(FORMATS)}, got {target.name!r}")
+    return target

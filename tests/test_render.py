@@ -1,0 +1,291 @@
+"""Hair in Mitsuba: energy, agreement of samplings, dual scattering, the command line."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import cuticle
+from cuticle.render.groom import Groom, hair_ball, wavy_lock
+from cuticle.render.picture import over_backdrop, passes, rel_mse, render, save_picture
+from cuticle.render.scene import Light, View, bsdf, integrator, load_scene
+
+if importlib.util.find_spec("mitsuba") is None:
+    pytest.skip("Mitsuba is not installed: pip install 'cuticle[mitsuba]'", allow_module_level=True)
+
+UseVariant = Callable[[str], Any]
+SMALL = View(width=48, height=48)
+
+
+@pytest.fixture(scope="module")
+def ball() -> Groom:
+    return hair_ball(4000)
+
+
+@pytest.fixture(scope="module")
+def strand() -> Groom:
+    line = np.stack([np.zeros(6), np.linspace(-1, 1, 6), np.zeros(6)], axis=1)
+    return Groom(line.astype(np.float32), np.array([0, 6]), np.array(0.3, np.float32))
+
+
+def mean(mi: Any, groom: Groom, material: Any, how: dict[str, Any], spp: int = 64, **scene: Any) -> np.ndarray:
+    """Mean colour of the covered part, so that a thin groom's does not depend on the empty part's size."""
+    image = render(load_scene(mi, groom, material, view=scene.pop("view", SMALL), technique=how, **scene), spp).image
+    assert np.isfinite(image).all()
+    return image[..., :3].sum(axis=(0, 1)) / image[..., 3].sum()
+
+
+@pytest.mark.parametrize("variant", ["scalar_rgb", "scalar_spectral", "llvm_ad_rgb"])
+@pytest.mark.parametrize(
+    "roughness", [{}, {"alpha_R": -8.0, "beta_R": 12.0, "beta_N": 25.0}, {"beta_R": 4.0, "beta_N": 5.0}]
+)
+def test_white_furnace(variant: str, roughness: dict[str, float], strand: Groom, use_variant: UseVariant) -> None:
+    mi = use_variant(variant)
+    white = {"type": "cuticle", "sigma_a": 0.0, **roughness}
+    for groom in (strand, wavy_lock(400)):
+        one = mean(mi, groom, white, integrator("path", depth=2000), spp=64 if groom is strand else 128)
+        assert np.abs(one - 1).max() <= 0.02
+
+
+def test_uniform_and_lobes_converge_to_one_picture(ball: Groom, use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    view = View(width=16, height=16)  # large pixels: their means are all but normal
+
+    def runs(sampling: str, seeds: range, strength: float = 1.0, **changes: Any) -> np.ndarray:
+        how = integrator("direct", emitter_samples=0, bsdf_samples=1)
+        material, light = bsdf("brown", sampling, **changes), Light("env", strength)
+        scene = load_scene(mi, ball, material, view=view, technique=how, light=light)
+        return np.array([render(scene, 64, seed=s).image[..., :3] for s in seeds])
+
+    def worst(a: np.ndarray, b: np.ndarray) -> float:
+        seen = (a.mean(axis=0) > 0.02).all(axis=-1)
+        a, b = a[:, seen, 1], b[:, seen, 1]
+        z = (a.mean(axis=0) - b.mean(axis=0)) / np.sqrt(a.var(axis=0, ddof=1) / len(a) + b.var(axis=0, ddof=1) / len(b))
+        # Student's with about 30 degrees of freedom: its square has mean 30/28 and variance about 2.6.
+        return float(((z**2).mean() - 30 / 28) / np.sqrt(2.6 / z.size))
+
+    uniform, lobes = runs("uniform", range(16)), runs("lobes", range(100, 116))
+    assert abs(worst(uniform, lobes)) <= 4
+    # Controls at the same sample size: more absorption, and weights that are 5 % off.
+    assert worst(uniform, runs("lobes", range(200, 216), eumelanin=1.3 * 1.15)) > 4
+    assert worst(uniform, runs("lobes", range(300, 316), strength=1.05)) > 4
+
+
+@pytest.mark.parametrize("kind", ["env", "studio", "area", "point", "sun"])
+@pytest.mark.parametrize("counter", ["grid", "trace"])
+def test_every_light_reaches_hair_through_hair(kind: str, counter: str, ball: Groom, use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    dual = mean(mi, ball, bsdf("brown"), integrator("dual", counter=counter), light=Light(kind))
+    direct = mean(mi, ball, bsdf("brown"), integrator("direct"), light=Light(kind))
+    path = mean(mi, ball, bsdf("brown"), integrator("path", depth=64), light=Light(kind))
+    assert dual[0] > 1.1 * direct[0]  # red; blue hardly comes through
+    assert np.abs(dual / path - 1).max() <= 0.25  # what a few strands send back is taken for that of a half space
+
+
+@pytest.mark.parametrize("fibre", ["blond", "brown", "black"])
+def test_dual_scattering_in_diffuse_light_is_as_bright_as_paths(fibre: str, use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    ball = hair_ball(10_000)
+    path = mean(mi, ball, bsdf(fibre), integrator("path", depth=64))
+    for counter in ("grid", "trace"):
+        dual = mean(mi, ball, bsdf(fibre), integrator("dual", counter=counter))
+        assert np.abs(dual / path - 1).max() <= 0.1  # the target for blond; dark hair is nearer
+
+
+@pytest.mark.parametrize("kind", ["env", "area"])
+def test_emitter_and_bsdf_sampling_agree(kind: str, ball: Groom, use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    for counter in ("grid", "trace"):
+        runs = []
+        for samples in ((1, 0), (0, 1), (1, 1), (3, 2)):
+            how = integrator("dual", counter=counter, emitter_samples=samples[0], bsdf_samples=samples[1])
+            scene = load_scene(mi, ball, bsdf("brown"), view=SMALL, technique=how, light=Light(kind))
+            images = [render(scene, 32, seed=s).image[..., 1] for s in range(8)]
+            runs.append(np.mean(images, axis=(1, 2)))
+        for other in runs[1:]:
+            z = (other.mean() - runs[0].mean()) / np.sqrt((other.var(ddof=1) + runs[0].var(ddof=1)) / 8)
+            assert abs(z) <= 5  # Student's with 7 to 14 degrees of freedom, 12 of them: 1 % at most
+            assert abs(other.mean() / runs[0].mean() - 1) <= 0.1
+
+
+def test_a_strand_alone_is_lit_as_by_direct(strand: Groom, use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    alone = bsdf("brown", d_b=0.0)  # no strands behind it either
+    dual = mean(mi, strand, alone, integrator("dual", counter="trace"), 256)
+    assert np.abs(dual / mean(mi, strand, alone, integrator("direct"), 256) - 1).max() <= 0.01
+
+
+@pytest.mark.parametrize("counter", ["grid", "trace"])
+def test_other_things_cast_shadows_and_are_lit(counter: str, ball: Groom, use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    sun = Light("sun")
+    toward = View().axes().T @ np.array([-0.55, 0.6, 0.6]) / np.linalg.norm([-0.55, 0.6, 0.6])
+    look = mi.ScalarTransform4f().look_at(origin=(6 * toward).tolist(), target=[0, 0, 0], up=[0, 1, 0])
+    blocker = {"type": "rectangle", "to_world": look @ mi.ScalarTransform4f().scale(8.0)}
+    how = integrator("dual", counter=counter)
+    free = mean(mi, ball, bsdf("brown"), how, light=sun)
+    assert (free > 0.02).all()
+    narrow = View(width=48, height=48, zoom=4)  # hair only
+    assert (mean(mi, ball, bsdf("brown"), how, light=sun, view=narrow, others={"blocker": blocker}) < 1e-6).all()
+    # What is not hair is lit as by direct, shadowed by hair.
+    plain = {"type": "sphere", "radius": 0.98}
+    seen = [
+        render(load_scene(mi, ball, bsdf("black"), view=SMALL, technique=t, others={"head": plain}), 128).image
+        for t in (how, integrator("direct"))
+    ]
+    assert rel_mse(*seen) <= 0.01
+
+
+def test_variants_agree(ball: Groom, use_variant: UseVariant) -> None:
+    want = mean(use_variant("scalar_rgb"), ball, bsdf("brown"), integrator("dual"), 256)
+    for counter in ("grid", "trace"):
+        got = mean(use_variant("llvm_ad_rgb"), ball, bsdf("brown"), integrator("dual", counter=counter), 256)
+        assert np.abs(got / want - 1).max() <= 0.03
+    spectral = mean(use_variant("scalar_spectral"), ball, bsdf("brown"), integrator("dual"), 256)
+    assert np.abs(spectral / want - 1).max() <= 0.08  # three values stand for a spectrum
+
+
+def test_no_hair_in_the_scene_is_direct_light(use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    scenes = [
+        mi.load_dict(
+            {
+                "type": "scene",
+                "integrator": how,
+                "ball": {"type": "sphere"},
+                "light": {"type": "constant"},
+                "sensor": {"type": "perspective", "film": {"type": "hdrfilm", "width": 16, "height": 16}},
+            }
+        )
+        for how in (integrator("dual"), integrator("direct"))
+    ]
+    assert rel_mse(*(np.array(mi.render(s, spp=64)) for s in scenes)) <= 1e-3
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"counter": "magic"}, "counter must be grid or trace, got magic"),
+        ({"cells": 0}, "cells must be in [1, 512], got 0"),
+        ({"max_strands": 0}, "max_strands must be in [1, 10000], got 0"),
+        ({"emitter_samples": 0, "bsdf_samples": 0}, "must not both be 0"),
+    ],
+)
+def test_bad_integrator_parameters(given: dict[str, Any], message: str, use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    with pytest.raises(RuntimeError) as caught:
+        mi.load_dict({"type": "dual_scattering", **given})
+    assert message in str(caught.value)
+
+
+def test_a_fibre_without_absorption_cannot_stand_among_others(ball: Groom, use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    white = {"type": "cuticle", "sigma_a": 0.0}
+    assert "among strands" not in str(mi.load_dict(white))
+    dual = mean(mi, ball, white, integrator("dual"))  # lit as by direct, with a warning
+    assert np.abs(dual / mean(mi, ball, white, integrator("direct")) - 1).max() <= 0.02
+
+
+def test_the_camera_sees_every_point(ball: Groom) -> None:
+    for view in (View(), View(azimuth=-120, elevation=60, width=300, height=100), View(fov=90, width=100, height=300)):
+        origin, _ = view.place(ball)
+        seen = (ball.points - origin) @ view.axes().T
+        tangents = np.abs(seen[:, :2] / -seen[:, 2:])
+        half = np.tan(np.radians(view.fov) / 2)
+        limit = half * np.array([1, view.height / view.width])
+        assert (seen[:, 2] < 0).all()
+        assert (tangents <= limit).all()
+        assert (tangents / limit).max() >= 0.85  # and fills the picture
+
+
+def test_passes_average_to_one_picture(ball: Groom, use_variant: UseVariant) -> None:
+    scene = load_scene(
+        use_variant("scalar_rgb"), ball, bsdf("brown"), view=View(width=16, height=16), technique=integrator("dual")
+    )
+    steps = list(passes(scene, 24, step=10, seed=1))
+    assert [p.spp for p in steps] == [10, 20, 24]
+    again = list(passes(scene, 24, step=10, seed=1))[-1]
+    np.testing.assert_array_equal(steps[-1].image, again.image)
+    assert not np.array_equal(again.image, list(passes(scene, 24, step=10, seed=2))[-1].image)
+
+
+def test_pictures_are_written_whole(tmp_path: Path, use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    image = np.full((4, 6, 4), 0.5)
+    image[:, :3] = 0
+    for name in ("a.exr", "a.png"):
+        save_picture(tmp_path / name, image)
+    exr = np.array(mi.Bitmap(str(tmp_path / "a.exr")))
+    np.testing.assert_allclose(exr, image, atol=1e-6)
+    png = np.array(mi.Bitmap(str(tmp_path / "a.png")))
+    assert png.shape == (4, 6, 3)
+    backdrop = over_backdrop(image)[:, 0]
+    assert (np.diff(backdrop[:, 0]) < 0).all()
+    with pytest.raises(ValueError, match=r"must end in .exr or .png, got 'a.jpg'"):
+        save_picture(tmp_path / "a.jpg", image)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.exr", "a.png"]
+
+
+def command(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    run = [sys.executable, "-m", "cuticle.cli", "render", *arguments]
+    return subprocess.run(run, capture_output=True, text=True, cwd=cwd, check=False)
+
+
+def test_command_line(tmp_path: Path) -> None:
+    small = ("--spp", "4", "--width", "32", "--followers", "1")
+    ran = command("lock", "-o", "lock.exr", *small, "--json", cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    assert json.loads(ran.stdout)["strands"] == 2000
+    fit = cuticle.fit(cuticle.DualScattering(cuticle.Fibre.preset("brown")), 2, strands=[0, 2])
+    fit.sampler.save(tmp_path / "brown.json")
+    ran = command("ball", "--fibre", "brown.json", "--integrator", "path", "-o", "ball.png", *small, cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    assert "20,000 strands" in ran.stdout
+    assert (tmp_path / "ball.png").stat().st_size > 500
+
+
+def test_command_line_compares(tmp_path: Path) -> None:
+    ran = command("compare", "ball", "-o", "out", "--seconds", "0.3", "--reference-spp", "64", "--width", "48", cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    result = json.loads((tmp_path / "out" / "compare.json").read_text())
+    error = {(c["sampling"], c["technique"]): c for c in result["contenders"]}
+    assert len(error) == 6
+    assert error["lobes", "bsdf"]["gain_over_uniform"] > 2
+    assert error["uniform", "bsdf"]["gain_over_uniform"] == 1
+    assert error["lobes", "mis"]["equal_samples"]["rel_mse"] < error["uniform", "mis"]["equal_samples"]["rel_mse"]
+    for name in ("sheet.png", "curves.png"):
+        assert (tmp_path / "out" / name).read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("nowhere.hair", "-o", "a.png"), "cannot read groom nowhere.hair"),
+        (("ball", "-o", "a.gif"), "must end in .exr or .png, got 'a.gif'"),
+        (("ball", "-o", "a.png", "--fibre", "red"), "fibre must be a preset"),
+        (("ball", "-o", "a.png", "--light", "moon"), "light must be one of env, studio, area, point, sun; got 'moon'"),
+        (("ball", "-o", "a.png", "--integrator", "magic"), "integrator must be one of path, direct, dual; got 'magic'"),
+        (("ball", "-o", "a.png", "--sampling", "best"), "sampling must be one of lobes, document, uniform; got 'best'"),
+        (("ball", "-o", "a.png", "--counter", "fingers"), "--counter must be one of grid, trace; got 'fingers'"),
+        (("ball", "-o", "a.png", "--spp", "0"), "--spp must be in [1, 1.04858e+06], got 0"),
+        (("ball", "-o", "a.png", "--width", "0"), "width must be in [1, 8192], got 0"),
+        (("ball", "-o", "a.png", "--tip", "0.1"), "--tip needs --radius"),
+        (("ball", "-o", "a.png", "--variant", "gpu"), "variant must be one of scalar_rgb"),
+        (("ball", "-o", "nowhere/a.png"), "cannot write to nowhere"),
+        (("compare", "ball", "-o", "out", "--seconds", "0"), "--seconds must be in [0.1, 3600], got 0"),
+    ],
+)
+def test_bad_command_lines_are_one_line(arguments: tuple[str, ...], message: str, tmp_path: Path) -> None:
+    ran = command(*arguments, cwd=tmp_path)
+    assert ran.returncode == 2
+    assert message in ran.stderr
+    assert len(ran.stderr.strip().splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
