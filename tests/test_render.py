@@ -63,7 +63,7 @@ def test_uniform_and_lobes_converge_to_one_picture(ball: Groom, use_variant: Use
         how = integrator("direct", emitter_samples=0, bsdf_samples=1)
         material, light = bsdf("brown", sampling, **changes), Light("env", strength)
         scene = load_scene(mi, ball, material, view=view, technique=how, light=light)
-        return np.array([render(scene, 64, seed=s).image[..., :3] for s in seeds])
+        return np.array([render(scene, 400, seed=s).image[..., :3] for s in seeds])
 
     def worst(a: np.ndarray, b: np.ndarray) -> float:
         seen = (a.mean(axis=0) > 0.02).all(axis=-1)
