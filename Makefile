@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 NATIVE := $(wildcard src/native/* include/cuticle/* plugins/mitsuba/*) CMakeLists.txt pyproject.toml
 
-.PHONY: demo test lint format bench docs clean
+.PHONY: demo test lint format bench docs pictures clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.installed
@@ -58,6 +58,10 @@ $(VENV)/.installed-lint: $(VENV)/.installed
 docs: demo
 	cp out/demo/densities.png docs/images/densities.png
 	$(BIN)/python docs/build.py
+
+# The rendered pictures: a quarter of an hour, and $CUTICLE_DATA with a groom.
+pictures: $(VENV)/.installed
+	$(BIN)/python docs/pictures.py
 
 clean:
 	rm -rf $(VENV) build out dist

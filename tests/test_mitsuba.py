@@ -15,6 +15,7 @@ import pytest
 import cuticle
 from conftest import COUNTS
 from cuticle.models import LONGITUDINAL_OF
+from cuticle.render.groom import Groom
 
 if importlib.util.find_spec("mitsuba") is None:
     pytest.skip("Mitsuba is not installed: pip install 'cuticle[mitsuba]'", allow_module_level=True)
@@ -199,6 +200,23 @@ def test_a_texture_colours_strand_by_strand(use_variant: UseVariant) -> None:
     ]
     assert sorted(map(tuple, values)) == sorted(map(tuple, plain))
     assert not np.allclose(*values)
+
+
+def test_a_row_of_a_bitmap_is_a_strand(tmp_path: Path, use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    points = [[x, y, 0] for x in (0, 1, 2) for y in np.linspace(-1, 1, 5)]
+    groom = Groom(np.array(points, np.float32), np.arange(4) * 5, np.array(0.1, np.float32))
+    groom.save(tmp_path / "g.txt")
+    curves = mi.load_dict({"type": "bsplinecurve", "filename": str(tmp_path / "g.txt")})
+    scene = mi.load_dict({"type": "scene", "curves": curves})
+    rows = np.append(np.repeat([1.0, 2.0, 3.0], groom.counts - 1), 9).astype(np.float32)  # a row a segment, and the guard's
+    bitmap = {"type": "bitmap", "bitmap": mi.Bitmap(rows.reshape(-1, 1, 1)), "raw": True, "filter_type": "nearest"}
+    texture = mi.load_dict(bitmap)
+    for strand in range(3):
+        for y in (-0.8, 0.1, 0.9):
+            si = scene.ray_intersect(mi.Ray3f(mi.Point3f(strand, y, 5), mi.Vector3f(0, 0, -1)))
+            assert si.is_valid()
+            assert texture.eval_1(si) == strand + 1
 
 
 def test_parameters_are_traversed_and_change_what_is_seen(use_variant: UseVariant) -> None:

@@ -289,3 +289,13 @@ def test_bad_command_lines_are_one_line(arguments: tuple[str, ...], message: str
     assert message in ran.stderr
     assert len(ran.stderr.strip().splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_example_runs(tmp_path: Path) -> None:
+    example = Path(__file__).parents[1] / "examples" / "render_hair.py"
+    ran = subprocess.run(
+        [sys.executable, str(example), "a.png", "2"], capture_output=True, text=True, cwd=tmp_path, check=False
+    )
+    assert ran.returncode == 0, ran.stderr
+    assert "eumelanin=0.3" in ran.stdout
+    assert (tmp_path / "a.png").exists()

@@ -153,7 +153,6 @@ template <typename Float, typename Spectrum> class DualScattering final : public
         if (m_scene == scene) return;
         std::lock_guard<std::mutex> guard(m_mutex);
         if (m_scene == scene) return;
-        m_grid = {};
         m_others = nullptr;
         Properties others("scene");
         std::vector<ref<Shape>> kept;

@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <string_view>
 #include <vector>
@@ -49,34 +50,83 @@ template <class Float> class HairGrid {
         CurveReader<Float> reader;
         shape->traverse(&reader);
         if (!reader.found()) return false;
-        for (const uint32_t first : reader.segments) {
+        for (const uint32_t first : reader.segments)
             if ((size_t(first) + 4) * 4 > reader.points.size()) return false;
-            const float *p = reader.points.data() + 4 * size_t(first);
-            float from[4];
-            spline(p, 0, from);
-            for (int k = 1; k <= pieces; ++k) {
-                float to[4];
-                spline(p, float(k) / pieces, to);
-                m_pieces.insert(m_pieces.end(), {from[0], from[1], from[2], to[0], to[1], to[2], .5f * (from[3] + to[3])});
-                std::copy(to, to + 4, from);
-            }
-        }
+        m_curves.push_back(std::move(reader));
         return true;
     }
 
-    // Makes the grid of all that was added, `cells` along its longest side.
+    // Makes the grid of all that was added since the last time, `cells` along its longest side; keeps it where the curves
+    // are the same.
     void build(int cells) {
+        uint64_t mark = 1469598103934665603u;  // FNV-1a, a word at a time
+        for (const auto &curves : m_curves)
+            for (const float x : curves.points) {
+                uint32_t bits;
+                std::memcpy(&bits, &x, sizeof bits);
+                mark = (mark ^ bits) * 1099511628211u;
+            }
+        if (mark != m_mark) deposit(cells);
+        m_mark = mark;
+        m_curves.clear();
+    }
+
+    // Expected strands from `origin` along `direction`, up to `distance`.
+    template <class Point, class Vector>
+    Float strands(const Point &origin, const Vector &direction, const Float &distance) const {
+        const cuticle::DensityGrid<float, Memory<Float>> view{memory<Float>(m_values),
+                                                              {m_grid.size[0], m_grid.size[1], m_grid.size[2]},
+                                                              {m_grid.lower[0], m_grid.lower[1], m_grid.lower[2]},
+                                                              {m_grid.cell[0], m_grid.cell[1], m_grid.cell[2]}};
+        const Float from[3] = {origin.x(), origin.y(), origin.z()};
+        return cuticle::count_strands(view, from, cuticle::Direction<Float>{direction.x(), direction.y(), direction.z()},
+                                      distance);
+    }
+
+    Buffer<Float> m_values;
+
+  private:
+    static constexpr int pieces = 4;  // of a segment, each straight
+
+    // A uniform cubic B-spline with the control points p[0..3], x y z radius each, at t in [0, 1].
+    static void spline(const float *p, float t, float *out) {
+        const float s = 1 - t;
+        const float w[] = {s * s * s / 6, (3 * t * t * t - 6 * t * t + 4) / 6, (3 * s * s * s - 6 * s * s + 4) / 6,
+                           t * t * t / 6};
+        for (int a = 0; a < 4; ++a) out[a] = w[0] * p[a] + w[1] * p[4 + a] + w[2] * p[8 + a] + w[3] * p[12 + a];
+    }
+
+    // Straight pieces of all curves: from, to, radius.
+    std::vector<float> straight() const {
+        std::vector<float> all;
+        for (const auto &curves : m_curves)
+            for (const uint32_t first : curves.segments) {
+                const float *p = curves.points.data() + 4 * size_t(first);
+                float from[4];
+                spline(p, 0, from);
+                for (int k = 1; k <= pieces; ++k) {
+                    float to[4];
+                    spline(p, float(k) / pieces, to);
+                    all.insert(all.end(), {from[0], from[1], from[2], to[0], to[1], to[2], .5f * (from[3] + to[3])});
+                    std::copy(to, to + 4, from);
+                }
+            }
+        return all;
+    }
+
+    void deposit(int cells) {
+        const std::vector<float> parts = straight();
         float low[3], high[3], widest = 0, longest = 0;
         for (int a = 0; a < 3; ++a) {
             low[a] = std::numeric_limits<float>::max();
             high[a] = std::numeric_limits<float>::lowest();
         }
-        for (size_t i = 0; i < m_pieces.size(); i += 7) {
+        for (size_t i = 0; i < parts.size(); i += 7) {
             for (size_t a = 0; a < 3; ++a) {
-                low[a] = std::min({low[a], m_pieces[i + a], m_pieces[i + 3 + a]});
-                high[a] = std::max({high[a], m_pieces[i + a], m_pieces[i + 3 + a]});
+                low[a] = std::min({low[a], parts[i + a], parts[i + 3 + a]});
+                high[a] = std::max({high[a], parts[i + a], parts[i + 3 + a]});
             }
-            widest = std::max(widest, m_pieces[i + 6]);
+            widest = std::max(widest, parts[i + 6]);
         }
         for (int a = 0; a < 3; ++a) {
             low[a] -= widest;
@@ -95,42 +145,14 @@ template <class Float> class HairGrid {
                                                {m_grid.size[0], m_grid.size[1], m_grid.size[2]},
                                                {m_grid.lower[0], m_grid.lower[1], m_grid.lower[2]},
                                                {m_grid.cell[0], m_grid.cell[1], m_grid.cell[2]}};
-        for (size_t i = 0; i < m_pieces.size(); i += 7)
-            cuticle::deposit_strand(view, values.data(), &m_pieces[i], &m_pieces[i + 3], m_pieces[i + 6]);
+        for (size_t i = 0; i < parts.size(); i += 7)
+            cuticle::deposit_strand(view, values.data(), &parts[i], &parts[i + 3], parts[i + 6]);
         m_values = dr::load<Buffer<Float>>(values.data(), values.size());
         dr::make_opaque(m_values);
-        m_pieces.clear();
-        m_pieces.shrink_to_fit();
     }
 
-    // Expected strands from `origin` along `direction`, up to `distance`.
-    template <class Point, class Vector>
-    Float strands(const Point &origin, const Vector &direction, const Float &distance) const {
-        const cuticle::DensityGrid<float, Memory<Float>> view{memory<Float>(m_values),
-                                                              {m_grid.size[0], m_grid.size[1], m_grid.size[2]},
-                                                              {m_grid.lower[0], m_grid.lower[1], m_grid.lower[2]},
-                                                              {m_grid.cell[0], m_grid.cell[1], m_grid.cell[2]}};
-        const Float from[3] = {origin.x(), origin.y(), origin.z()};
-        return cuticle::count_strands(view, from, cuticle::Direction<Float>{direction.x(), direction.y(), direction.z()},
-                                      distance);
-    }
-
-    const int *size() const { return m_grid.size; }
-
-    Buffer<Float> m_values;
-
-  private:
-    static constexpr int pieces = 4;  // of a segment, each straight
-
-    // A uniform cubic B-spline with the control points p[0..3], x y z radius each, at t in [0, 1].
-    static void spline(const float *p, float t, float *out) {
-        const float s = 1 - t;
-        const float w[] = {s * s * s / 6, (3 * t * t * t - 6 * t * t + 4) / 6, (3 * s * s * s - 6 * s * s + 4) / 6,
-                           t * t * t / 6};
-        for (int a = 0; a < 4; ++a) out[a] = w[0] * p[a] + w[1] * p[4 + a] + w[2] * p[8 + a] + w[3] * p[12 + a];
-    }
-
-    std::vector<float> m_pieces;  // from, to, radius
+    std::vector<CurveReader<Float>> m_curves;
+    uint64_t m_mark = 0;  // of the curves in the grid
     cuticle::DensityGrid<float> m_grid{};
 };
 

@@ -231,6 +231,7 @@ def demo_command(output: Annotated[Path, typer.Option("-o", "--output", metavar=
         reproduced = document(model, printed=Printed.find(), lobes=result, name="document", progress=progress)
         reproduced.save(folder, progress=progress)
     page = write_report(folder)
+    hair = _demo_hair(folder / "hair.png")
     out.print(fit_table(result))
     for listing in tables:
         out.print(listing)
@@ -241,11 +242,30 @@ def demo_command(output: Annotated[Path, typer.Option("-o", "--output", metavar=
         " theta_r 0°.\n"
         f"sampler  {folder / 'sampler.json'}\ncheck    {folder / 'check.txt'}, {folder / 'check.json'}\n"
         f"picture  {folder / 'densities.png'}: f·cos beside the fitted pdf, seven viewers, direct and through two strands\n"
-        f"report   {page}: all of this, and the draft's tables, functions, figures and claims",
+        f"report   {page}: all of this, and the draft's tables, functions, figures and claims\n"
+        f"hair     {hair}",
         soft_wrap=True,
     )
     if not report.ok:
         raise typer.Exit(1)
+
+
+def _demo_hair(path: Path) -> str:
+    """Render a ball of blond hair, lit through itself, where Mitsuba can; return what came of it."""
+    from cuticle.render.groom import hair_ball
+    from cuticle.render.picture import render, save_picture
+    from cuticle.render.scene import Light, View, bsdf, integrator, load_scene, mitsuba
+
+    try:
+        mi = mitsuba()
+    except RuntimeError as error:
+        return f"not rendered: {error}"
+    ball, view = hair_ball(), View(width=320, height=320)
+    with progress_bar() as progress:
+        scene = load_scene(mi, ball, bsdf("blond"), view=view, light=Light("studio"), technique=integrator("dual"))
+        done = render(scene, 48, progress=progress)
+    save_picture(path, done.image)
+    return f"{path}: {ball.strands:,} blond strands by dual scattering, {done.seconds:.1f} s; see `cuticle render --help`"
 
 
 def _lobes(text: str) -> int | None:
