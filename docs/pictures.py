@@ -16,6 +16,8 @@ from typing import Any
 import numpy as np
 
 from cuticle.files import write_bytes
+from cuticle.models import Marschner
+from cuticle.quality import UniformSphere, measure
 from cuticle.render.compare import compare_samplings
 from cuticle.render.groom import Groom, hair_ball, join_grooms, read_groom, wavy_lock
 from cuticle.render.picture import over_backdrop, render, srgb
@@ -75,7 +77,20 @@ def heads(mi: Any, data: Path) -> None:
     write_bytes(IMAGES / "heads.png", png(srgb(np.concatenate(rows, axis=1))))
 
 
+def ess_of_brown() -> None:
+    """What a single hit gains: the ESS of f·cos under uniform sampling and under the lobes that the plugin fits."""
+    from cuticle.mitsuba import read_material
+
+    material = read_material({"fibre": "brown"})
+    model = Marschner(material.fibre, "energy_conserving")
+    assert material.single is not None
+    for name, density in (("uniform", UniformSphere()), ("lobes", material.single)):
+        values = [measure(density, model, float(np.radians(t)), 0.0).ess for t in (0, 30, 60)]
+        print(f"brown, {name}: ESS {', '.join(f'{v:.3f}' for v in values)} at theta_r 0, 30, 60")
+
+
 def equal_time(data: Path) -> None:
+    ess_of_brown()
     tail = ponytail(data).with_followers(8, 0.3, tip_spread=0.8).with_thickness(0.05, 0.02)
     for name, groom, view in (
         ("ball", hair_ball(), View(width=256, height=256)),

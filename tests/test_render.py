@@ -277,6 +277,8 @@ def test_command_line_compares(tmp_path: Path) -> None:
         (("ball", "-o", "a.png", "--counter", "fingers"), "--counter must be one of grid, trace; got 'fingers'"),
         (("ball", "-o", "a.png", "--spp", "0"), "--spp must be in [1, 1.04858e+06], got 0"),
         (("ball", "-o", "a.png", "--width", "0"), "width must be in [1, 8192], got 0"),
+        (("ball", "-o", "a.png", "--height", "0"), "height must be in [1, 8192], got 0"),
+        (("compare", "nowhere.hair", "-o", "out"), "cannot read groom nowhere.hair"),
         (("ball", "-o", "a.png", "--tip", "0.1"), "--tip needs --radius"),
         (("ball", "-o", "a.png", "--variant", "gpu"), "variant must be one of scalar_rgb"),
         (("ball", "-o", "nowhere/a.png"), "cannot write to nowhere"),

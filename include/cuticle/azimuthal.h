@@ -175,7 +175,7 @@ template <class Float, class Scalar>
 CUTICLE_HD ChannelBetween<Float> locate(const AbsorptionRange<Scalar> &range, const Float &sigma_a) {
     using Traits = ArrayTraits<Float>;
     using Index = typename Traits::Index;
-    const double log_ratio = std::log(static_cast<double>(range.ratio));
+    const double log_ratio = math::log(static_cast<double>(range.ratio));
     const Float steps = math::log(math::max(Float(sigma_a / Float(range.low)), Float(1))) * Float(1 / log_ratio);
     const Index k = math::min(Traits::to_index(steps), Index(range.count - 2));
     const Float below = Float(range.low) * math::exp(Float(Float(k) * Float(log_ratio)));

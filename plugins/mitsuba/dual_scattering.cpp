@@ -79,8 +79,7 @@ template <typename Float, typename Spectrum> class DualScattering final : public
             Mask lit = smooth && ds.pdf != 0.f;
             if (dr::none_or<false>(lit)) continue;
             const Ray3f toward = si.spawn_ray_to(ds.p);
-            lit &= !dr::isinf(toward.maxt) || !dr::isnan(toward.maxt);
-            const Float n = strands_between(scene, si, toward, hair, lit, sampler);
+            const Float n = strands_between(scene, toward, hair, lit, sampler);
             const Vector3f wo = si.to_local(ds.d);
             auto [value, pdf] = eval_pdf(bsdf, si, wo, n, hair, lit);
             value = si.to_world_mueller(value, -wo, si.wi);
@@ -109,7 +108,7 @@ template <typename Float, typename Spectrum> class DualScattering final : public
                 up_to.maxt =
                     dr::select(si_light.is_valid(), si_light.t * (1.f - math::ShadowEpsilon<Float>), dr::Largest<Float>);
                 // Beyond the hair nothing stands in the way: beyond_hair found the light itself.
-                const Float n = count(scene, si, up_to, hair && used, sampler);
+                const Float n = count(scene, up_to, hair && used, sampler);
                 const Spectrum f = eval_pdf(bsdf, si, bs.wo, n, hair, hair && used).first;
                 value = dr::select(hair, f / bs.pdf, value);
                 used &= !hair || n >= 0.f;
@@ -120,8 +119,6 @@ template <typename Float, typename Spectrum> class DualScattering final : public
         }
         return {result, valid};
     }
-
-    void traverse(TraversalCallback *cb) override { Base::traverse(cb); }
 
     std::string to_string() const override {
         std::ostringstream out;
@@ -186,19 +183,17 @@ template <typename Float, typename Spectrum> class DualScattering final : public
     }
 
     // Strands between a hair and the light (for other surfaces 0); `lit` loses what stands in the shadow of something else.
-    Float strands_between(const Scene *scene, const SurfaceInteraction3f &si, const Ray3f &toward, const Mask &hair,
-                          Mask &lit, Sampler *sampler) const {
+    Float strands_between(const Scene *scene, const Ray3f &toward, const Mask &hair, Mask &lit, Sampler *sampler) const {
         const Mask on_hair = hair && lit, elsewhere = lit && !hair;
         if (dr::any_or<true>(elsewhere)) lit &= !(elsewhere && scene->ray_test(toward, false, elsewhere));
         if (m_others && !m_trace) lit &= !(on_hair && m_others->ray_test(toward, false, on_hair));
-        const Float n = count(scene, si, toward, on_hair && lit, sampler);
+        const Float n = count(scene, toward, on_hair && lit, sampler);
         lit &= n >= 0.f;
         return n;
     }
 
     // -1 where something that is no hair blocks the way (found while tracing only).
-    Float count(const Scene *scene, const SurfaceInteraction3f &, const Ray3f &toward, const Mask &active,
-                Sampler *sampler) const {
+    Float count(const Scene *scene, const Ray3f &toward, const Mask &active, Sampler *sampler) const {
         if (!m_some_hair) return Float(0.f);
         if (m_trace) return traced(scene, toward, active);
         const Float expected =

@@ -60,12 +60,15 @@ template <class Float> class HairGrid {
     // are the same.
     void build(int cells) {
         uint64_t mark = 1469598103934665603u;  // FNV-1a, a word at a time
-        for (const auto &curves : m_curves)
+        const auto add_word = [&mark](uint32_t bits) { mark = (mark ^ bits) * 1099511628211u; };
+        for (const auto &curves : m_curves) {
             for (const float x : curves.points) {
                 uint32_t bits;
                 std::memcpy(&bits, &x, sizeof bits);
-                mark = (mark ^ bits) * 1099511628211u;
+                add_word(bits);
             }
+            for (const uint32_t first : curves.segments) add_word(first);
+        }
         if (mark != m_mark) deposit(cells);
         m_mark = mark;
         m_curves.clear();

@@ -111,7 +111,7 @@ def picture_command(
     target = picture_path(output)
     writable_directory(target.parent, make=False)
     validate.integer("--spp", spp, 1, MAX_SPP)
-    view = View(azimuth=azimuth, elevation=elevation, width=width, height=height or width, zoom=zoom)
+    view = View(azimuth=azimuth, elevation=elevation, width=width, height=width if height is None else height, zoom=zoom)
     lit = Light(light, strength)
     validate.choice("--counter", counter, ("grid", "trace"))
     own: dict[str, Any] = {"counter": counter} if technique == "dual" else {}
@@ -161,9 +161,9 @@ def compare_command(
     view = View(azimuth=azimuth, elevation=elevation, width=width, height=width, zoom=zoom)
     lit = Light(light)
     _check_fibre(fibre)
-    folder = writable_directory(output)
     hair = _groom(groom, radius, tip, followers, spread)
     mitsuba(variant)
+    folder = writable_directory(output)
     from cuticle.render.compare import compare_samplings
 
     with progress_bar(json_output) as progress:

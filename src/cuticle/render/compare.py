@@ -53,7 +53,7 @@ class Comparison:
     contenders: tuple[Contender, ...]
     reference: Image
     reference_spp: int
-    reference_error: float  # relMSE between its two halves, over 2: about what its own noise adds to every error
+    reference_error: float  # relMSE between its two halves, over 4: about what its own noise adds to every error
     about: dict[str, Any]
 
     def gain(self, contender: Contender) -> float:
