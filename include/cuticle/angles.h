@@ -1,6 +1,7 @@
 // The conventions, once: i = toward the light (sampled), r = toward the viewer (given).
 // theta in [-pi/2, pi/2] from the normal plane, positive along +tangent; phi = phi_i - phi_r in (-pi, pi].
-#pragma once
+#ifndef CUTICLE_ANGLES_H
+#define CUTICLE_ANGLES_H
 
 #include "cuticle/math.h"
 
@@ -34,3 +35,5 @@ template <class Float> CUTICLE_HD Float phi_of(const Direction<Float> &w) { retu
 template <class Float> CUTICLE_HD Float half_angle_to_theta(const Float &x) { return Float(2) * x; }
 
 }  // namespace cuticle
+
+#endif  // CUTICLE_ANGLES_H

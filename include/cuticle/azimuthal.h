@@ -3,7 +3,8 @@
 // N_p(phi) = ½ ∫ A(p, h) D(phi - phi_p(h)) dh, D a wrapped normal of deviation beta_N (d'Eon 2011). Each cell of h
 // spreads its energy evenly over the azimuths between its two edges, which is exact for a straight phi_p(h) and
 // has no aliasing as beta_N -> 0; the smoothing by D is one convolution of the row.
-#pragma once
+#ifndef CUTICLE_AZIMUTHAL_H
+#define CUTICLE_AZIMUTHAL_H
 
 #include "cuticle/longitudinal.h"
 #include "cuticle/optics.h"
@@ -158,7 +159,7 @@ CUTICLE_HD Float azimuthal_value(const AzimuthalTable<Memory> &table, const Bili
                                  const ChannelBetween<Float> &channel) {
     using Index = typename ArrayTraits<Float>::Index;
     const Index first = channel.first + Index(p * table.channels);
-    const Float tiny = Float(std::numeric_limits<scalar_t<Float>>::min());
+    const Float tiny = Float(smallest<Float>);
     const Float lower = math::max(interpolate<Float>(table.data, at, first), tiny);
     const Float upper = math::max(interpolate<Float>(table.data, at, Index(first + Index(1))), tiny);
     const Float log_value = math::log(lower) + channel.t * (math::log(upper) - math::log(lower));
@@ -184,3 +185,5 @@ CUTICLE_HD ChannelBetween<Float> locate(const AbsorptionRange<Scalar> &range, co
 }
 
 }  // namespace cuticle
+
+#endif  // CUTICLE_AZIMUTHAL_H

@@ -1,5 +1,6 @@
 // Cuticle core: annotations that every header shares. No dependency, no allocation, no exceptions.
-#pragma once
+#ifndef CUTICLE_CONFIG_H
+#define CUTICLE_CONFIG_H
 
 #if defined(__CUDACC__) || defined(__HIPCC__)
 #define CUTICLE_HD __host__ __device__
@@ -14,6 +15,15 @@
 #define CUTICLE_INLINE CUTICLE_HD inline
 #endif
 
+// Whether this pass compiles for a GPU, where an array indexed by a variable lies in slow memory.
+#if defined(__CUDA_ARCH__) || defined(__HIP_DEVICE_COMPILE__)
+#define CUTICLE_DEVICE 1
+#else
+#define CUTICLE_DEVICE 0
+#endif
+
 #define CUTICLE_VERSION_MAJOR 0
 #define CUTICLE_VERSION_MINOR 1
 #define CUTICLE_VERSION_PATCH 0
+
+#endif  // CUTICLE_CONFIG_H

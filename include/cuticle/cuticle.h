@@ -1,5 +1,6 @@
 // The whole core.
-#pragma once
+#ifndef CUTICLE_CUTICLE_H
+#define CUTICLE_CUTICLE_H
 
 #include "cuticle/angles.h"
 #include "cuticle/azimuthal.h"
@@ -13,3 +14,5 @@
 #include "cuticle/multiple_scattering.h"
 #include "cuticle/optics.h"
 #include "cuticle/sampler.h"
+
+#endif  // CUTICLE_CUTICLE_H

@@ -4,7 +4,8 @@
 // holds M = Σ 2 r l t tᵀ / volume; its trace is the shadow of all pieces across their own direction, and the strands that a
 // ray crosses per unit length are about tr M sqrt(1 - dᵀ M d / tr M): exact where the cell's strands are parallel, 4 % high
 // where they point everywhere alike (√(2/3) for π/4), 41 % high where half of them lie along the ray and half across it.
-#pragma once
+#ifndef CUTICLE_DENSITY_GRID_H
+#define CUTICLE_DENSITY_GRID_H
 
 #include "cuticle/angles.h"
 
@@ -83,7 +84,7 @@ CUTICLE_HD Float count_strands(const DensityGrid<Scalar, Memory> &grid, const Fl
                                const Float &distance) {
     using Traits = ArrayTraits<Float>;
     using Index = typename Traits::Index;
-    const Float far = Float(std::numeric_limits<scalar_t<Float>>::max());
+    const Float far = Float(largest<Float>);
     const Float along[3] = {d.x, d.y, d.z};
     // Where the ray is inside the box. A direction without a component along an axis meets neither border of it.
     Float slow[3], enter = Float(0), leave = distance;
@@ -142,3 +143,5 @@ CUTICLE_HD Float count_strands(const DensityGrid<Scalar, Memory> &grid, const Fl
 }
 
 }  // namespace cuticle
+
+#endif  // CUTICLE_DENSITY_GRID_H

@@ -3,7 +3,8 @@
 // Differs from the paper in (exact only): the backscatter sums all orders; every part is normalised to the energy it
 // stands for; forward scattering shifts light as well as spreading it; no factor pi before the backscatter of spread
 // light. Between 0 and 1 strands both formulations blend the two cases, as the paper's direct fraction does.
-#pragma once
+#ifndef CUTICLE_DUAL_SCATTERING_H
+#define CUTICLE_DUAL_SCATTERING_H
 
 #include "cuticle/multiple_scattering.h"
 
@@ -92,8 +93,7 @@ CUTICLE_HD void add_surroundings(const DualScatteringModel<Scalar, Memory> &mode
     if (!ArrayTraits<Float>::any(lit < Float(1))) return;
     const Float spread = n * a.beta_f * a.beta_f, shift = exact ? Float(n * a.alpha_f) : Float(0);
     const Float density = Float(model.d_f) * (exact ? Float(1) : Float(model.d_f));  // printed twice: T_f holds one
-    const Float transmittance =
-        math::decay(Float(n * math::log(math::max(a.a_f, Float(std::numeric_limits<scalar_t<Float>>::min())))));
+    const Float transmittance = math::decay(Float(n * math::log(math::max(a.a_f, Float(smallest<Float>)))));
     const Float share = (Float(1) - lit) * density * transmittance;
     for (int p = 0; p < lobe_count; ++p)
         if (lobes & (1 << p))
@@ -136,3 +136,5 @@ CUTICLE_HD void dual_scattering_around(const DualScatteringModel<Scalar, Memory>
 }
 
 }  // namespace cuticle
+
+#endif  // CUTICLE_DUAL_SCATTERING_H

@@ -1,6 +1,7 @@
 // One-dimensional densities, each a triple pdf, cdf, icdf: the normal truncated to an interval, and from it
 // the longitudinal lobe on [-pi/2, pi/2] and the azimuthal lobes on the circle. All are per radian.
-#pragma once
+#ifndef CUTICLE_LOBE_H
+#define CUTICLE_LOBE_H
 
 #include "cuticle/math.h"
 
@@ -162,3 +163,5 @@ template <class Float> struct EvenNormal {
 };
 
 }  // namespace cuticle
+
+#endif  // CUTICLE_LOBE_H

@@ -1,5 +1,6 @@
 // A mixture of K product lobes at one viewer's inclination: what a sampler evaluates and draws from.
-#pragma once
+#ifndef CUTICLE_LOBES_H
+#define CUTICLE_LOBES_H
 
 #include "cuticle/lobe.h"
 #include "cuticle/pack.h"
@@ -86,7 +87,7 @@ template <class Float, int K> struct Lobes {
         for (int k = 1; k < K; ++k) below[k] = below[k - 1] + weight[k];
         // Scaled by the sum that was reached: rounding never leads past the last lobe, nor into one of weight 0.
         const Float u = u_lobe * below[K - 1];
-        if constexpr (std::is_arithmetic_v<Float>) {
+        if constexpr (std::is_arithmetic_v<Float> && !CUTICLE_DEVICE) {
             int chosen = 0;
             for (int k = 0; k + 1 < K; ++k) chosen += static_cast<int>(u >= below[k]);
             return {theta(chosen), phi(chosen)};
@@ -121,7 +122,7 @@ template <class Float, int K> struct Lobes {
     }
     CUTICLE_HD static Float invert_theta(const CentralNormal<Float> &d, const Float &u) {
         // The float nearest to pi/2 lies past the pole: stay one ulp inside.
-        const Float limit = Float(half_pi<Float> * (1 - std::numeric_limits<scalar_t<Float>>::epsilon()));
+        const Float limit = Float(half_pi<Float> * (1 - epsilon<Float>));
         return math::clamp(central_icdf(d, u), Float(-limit), limit);
     }
     // A periodic lobe is inverted from its own seam: any order of the circle serves a sample.
@@ -134,3 +135,5 @@ template <class Float, int K> struct Lobes {
 };
 
 }  // namespace cuticle
+
+#endif  // CUTICLE_LOBES_H

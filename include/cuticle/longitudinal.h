@@ -1,5 +1,6 @@
 // Longitudinal scattering functions M: the Gaussian of Marschner 2003 and the energy-conserving one of d'Eon 2011.
-#pragma once
+#ifndef CUTICLE_LONGITUDINAL_H
+#define CUTICLE_LONGITUDINAL_H
 
 #include "cuticle/angles.h"
 
@@ -47,10 +48,12 @@ CUTICLE_HD Float longitudinal(Longitudinal form, const Float &theta_i, const Flo
     if (form == Longitudinal::gaussian) {
         const Float c = math::cos(theta_difference(theta_i, theta_r));
         return gaussian(Float(theta_half(theta_i, theta_r) - alpha), variance) /
-               math::max(Float(c * c), Float(std::numeric_limits<scalar_t<Float>>::epsilon()));
+               math::max(Float(c * c), Float(epsilon<Float>));
     }
     const Float cone = half_angle_to_theta(alpha) - theta_r;
     return energy_conserving_m(theta_i, cone, Float(Float(4) * variance)) / math::cos_theta(theta_i);
 }
 
 }  // namespace cuticle
+
+#endif  // CUTICLE_LONGITUDINAL_H

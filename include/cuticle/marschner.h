@@ -4,7 +4,8 @@
 // (optics.h). Differs from d'Eon 2011 in (energy_conserving only): N is taken at the viewer's inclination, as
 // Chiang 2016 does, for with N at theta_d lobes of different widths do not sum to 1 (up to 25 % lost at 80°);
 // and the orders past TRT are folded into TRT.
-#pragma once
+#ifndef CUTICLE_MARSCHNER_H
+#define CUTICLE_MARSCHNER_H
 
 #include "cuticle/azimuthal.h"
 #include "cuticle/longitudinal.h"
@@ -67,3 +68,5 @@ CUTICLE_HD void marschner_around(const FibreLobes<Scalar> &fibre, const Azimutha
 }
 
 }  // namespace cuticle
+
+#endif  // CUTICLE_MARSCHNER_H

@@ -3,7 +3,8 @@
 // float on the host goes through polynomials without calls or branches, so that a loop over lobes
 // becomes vector instructions; double goes through the standard library; any other type (Dr.Jit
 // arrays) is found by argument-dependent lookup.
-#pragma once
+#ifndef CUTICLE_MATH_H
+#define CUTICLE_MATH_H
 
 #include <cmath>
 #include <cstdint>
@@ -37,6 +38,10 @@ template <class Float> inline constexpr scalar_t<Float> pi = scalar_t<Float>(3.1
 template <class Float> inline constexpr scalar_t<Float> half_pi = scalar_t<Float>(1.57079632679489661923);
 template <class Float> inline constexpr scalar_t<Float> sqrt_half = scalar_t<Float>(0.70710678118654752440);
 template <class Float> inline constexpr scalar_t<Float> two_over_sqrt_pi = scalar_t<Float>(1.12837916709551257390);
+// What std::numeric_limits knows, as constants: device code may not call its functions.
+template <class Float> inline constexpr scalar_t<Float> epsilon = std::numeric_limits<scalar_t<Float>>::epsilon();
+template <class Float> inline constexpr scalar_t<Float> smallest = std::numeric_limits<scalar_t<Float>>::min();
+template <class Float> inline constexpr scalar_t<Float> largest = std::numeric_limits<scalar_t<Float>>::max();
 
 // Array types replace this by an overload on their mask.
 CUTICLE_HD inline float select(bool mask, float a, float b) { return mask ? a : b; }
@@ -123,7 +128,7 @@ template <class T> CUTICLE_INLINE T decay_single(const T &x_) {
 template <class T> CUTICLE_INLINE T decay(const T &x) { return math::exp(x); }
 
 CUTICLE_HD inline float decay(float x) {
-#if defined(__CUDA_ARCH__) || defined(__HIP_DEVICE_COMPILE__)
+#if CUTICLE_DEVICE
     return ::expf(x);
 #else
     return decay_single(x);
@@ -180,11 +185,11 @@ template <class T> CUTICLE_HD T erfinv_single(const T &p) {
 // The same to the precision of the type: in double two Halley steps on erf.
 template <class T> CUTICLE_HD T erfinv(const T &p) {
     T z = erfinv_single(p);
-    if constexpr (std::is_same_v<scalar_t<T>, float>) return z;
-    for (int step = 0; step < 2; ++step) {
-        const T e = (math::erf(z) - p) / (T(two_over_sqrt_pi<T>) * math::exp(T(-z * z)));
-        z = z - e / (T(1) + z * e);
-    }
+    if constexpr (!std::is_same_v<scalar_t<T>, float>)
+        for (int step = 0; step < 2; ++step) {
+            const T e = (math::erf(z) - p) / (T(two_over_sqrt_pi<T>) * math::exp(T(-z * z)));
+            z = z - e / (T(1) + z * e);
+        }
     return z;
 }
 
@@ -214,7 +219,7 @@ template <class T> CUTICLE_HD T wrap_angle(const T &x) {
 template <class T> CUTICLE_HD T cos_theta(const T &theta) {
     constexpr double low = 1.57079632679489661923 - static_cast<double>(half_pi<T>);
     const T x = (T(half_pi<T>) - math::abs(theta)) + T(low);
-    return max(T(math::sin(x)), T(std::numeric_limits<scalar_t<T>>::epsilon()));
+    return max(T(math::sin(x)), T(epsilon<T>));
 }
 
 CUTICLE_HD inline float cos_theta(float theta) {
@@ -222,8 +227,10 @@ CUTICLE_HD inline float cos_theta(float theta) {
     const float t = x * x;
     // sin on [0, pi/2], minimax of degree 9 (benchmarks/fit_polynomials.py), error below 1e-7.
     const float s = x * polynomial(t, 2.60190274e-6f, -1.98074186e-4f, 8.33302514e-3f, -.166666567f, 1.f);
-    return max(s, std::numeric_limits<float>::epsilon());
+    return max(s, float(epsilon<float>));
 }
 
 }  // namespace math
 }  // namespace cuticle
+
+#endif  // CUTICLE_MATH_H

@@ -1,6 +1,7 @@
 // What surrounding strands do to light: averages of a fibre's scattering over half spheres, the energy, shift and
 // spread that come back from a stack of strands. Two formulations (docs/models.md derives and compares them).
-#pragma once
+#ifndef CUTICLE_MULTIPLE_SCATTERING_H
+#define CUTICLE_MULTIPLE_SCATTERING_H
 
 #include "cuticle/azimuthal.h"
 #include "cuticle/marschner.h"
@@ -124,3 +125,5 @@ Averages<Float> half_sphere_averages(const FibreLobes<Float> &fibre, Formulation
 }
 
 }  // namespace cuticle
+
+#endif  // CUTICLE_MULTIPLE_SCATTERING_H

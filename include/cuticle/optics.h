@@ -1,5 +1,6 @@
 // Optics of a smooth dielectric cylinder: Fresnel, the modified index, the path through the fibre.
-#pragma once
+#ifndef CUTICLE_OPTICS_H
+#define CUTICLE_OPTICS_H
 
 #include "cuticle/math.h"
 
@@ -57,3 +58,5 @@ template <class Float> CUTICLE_HD Float exit_azimuth(int p, const CrossSection<F
 }
 
 }  // namespace cuticle
+
+#endif  // CUTICLE_OPTICS_H

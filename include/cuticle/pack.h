@@ -1,7 +1,8 @@
 // N values of a scalar type side by side, itself usable as the scalar type of the core: the lobes of a mixture are
 // evaluated as one Pack, through the same lines as a single number. float and double become the compiler's vectors
 // where it has them (GCC, Clang, on the host); any other type is an array and a loop.
-#pragma once
+#ifndef CUTICLE_PACK_H
+#define CUTICLE_PACK_H
 
 #include <utility>
 
@@ -72,7 +73,7 @@ template <class T, int N> struct Pack {
     Chunk v[chunks];
 
     Pack() = default;
-    CUTICLE_INLINE explicit Pack(const T &x) { fill(x); }
+    CUTICLE_INLINE explicit Pack(T x) { fill(x); }  // by value: device code may not refer to a constant
     template <class S, class = std::enable_if_t<std::is_arithmetic_v<S> && !std::is_same_v<S, T>>>
     CUTICLE_INLINE explicit Pack(S x) {
         fill(T(x));
@@ -219,3 +220,5 @@ template <class T, int N> CUTICLE_INLINE Pack<T, N> erf(const Pack<T, N> &x) {
 }
 
 }  // namespace cuticle
+
+#endif  // CUTICLE_PACK_H

@@ -1,6 +1,7 @@
 // The sampler: lobes whose parameters run through a small table, linear in theta_r and in the number of strands,
 // so that neither the density nor a sample has a seam.
-#pragma once
+#ifndef CUTICLE_SAMPLER_H
+#define CUTICLE_SAMPLER_H
 
 #include "cuticle/lobes.h"
 
@@ -82,7 +83,7 @@ template <class Float, int K> struct PreparedSampler {
     CUTICLE_HD Sample<Float> sample(const Float &u_lobe, const Float &u_theta, const Float &u_phi) const {
         if (!blended) return first.sample(u_lobe, u_theta, u_phi);
         const auto in_first = u_lobe < share;
-        const Float rest = math::max(Float(Float(1) - share), Float(std::numeric_limits<scalar_t<Float>>::min()));
+        const Float rest = math::max(Float(Float(1) - share), Float(smallest<Float>));
         const Float u = select(in_first, Float(u_lobe / share), Float((u_lobe - share) / rest));
         const ChosenLobe<Float> a = first.choose(u), b = second.choose(u);
         const ChosenLobe<Float> chosen{select_normal(in_first, a.theta, b.theta), select_normal(in_first, a.phi, b.phi)};
@@ -159,3 +160,5 @@ CUTICLE_HD PreparedSampler<Float, K> prepare(const LobeTable<Scalar, K, Memory> 
 }
 
 }  // namespace cuticle
+
+#endif  // CUTICLE_SAMPLER_H

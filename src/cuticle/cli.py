@@ -1,10 +1,11 @@
-"""The command line: `cuticle fibres`, `fit`, `check`, `document`, `report`; `render` stands in cuticle.render.command."""
+"""The command line: `cuticle fibres`, `fit`, `check`, `document`, `report`; `render` and `export` have their own modules."""
 
 from __future__ import annotations
 
 import io
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,15 +17,19 @@ from cuticle import validate
 from cuticle.check import check
 from cuticle.console import check_tables, document_tables, fit_table, table
 from cuticle.document import Document, Printed, document
+from cuticle.export.command import export_command
 from cuticle.fibre import Fibre
 from cuticle.files import read_text, writable_directory, write_bytes, write_text
 from cuticle.fit import FORMS, OBJECTIVES, Fit, fit
+from cuticle.headers import cmake_dir, include_dir
 from cuticle.lobe_table import MAX_LOBES
-from cuticle.models import DualScattering, Marschner
+from cuticle.models import DualScattering
+from cuticle.origin import model_of
 from cuticle.presets import PRESETS, read_fibre
 from cuticle.render.command import app as render_app
 from cuticle.sampler import Sampler
 from cuticle.terminal import FibreArgument, JsonOption, err, out, progress_bar
+from cuticle.version import __version__
 
 app = typer.Typer(
     help="Importance samplers for hair fibres: fitted to a scattering function, and proven.",
@@ -33,6 +38,38 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.add_typer(render_app, name="render")
+app.command("export")(export_command)
+
+
+def _print_and_exit(text: Callable[[], object]) -> Callable[[bool], None]:
+    def act(asked: bool) -> None:
+        if asked:
+            print(text())
+            raise typer.Exit
+
+    return act
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", help="Print the version.", is_eager=True, callback=_print_and_exit(lambda: __version__)),
+    ] = False,
+    include: Annotated[
+        bool,
+        typer.Option(
+            "--include-dir", help="Print where the C++ headers lie.", is_eager=True, callback=_print_and_exit(include_dir)
+        ),
+    ] = False,
+    cmake: Annotated[
+        bool,
+        typer.Option(
+            "--cmake-dir", help="Print where cuticleConfig.cmake lies.", is_eager=True, callback=_print_and_exit(cmake_dir)
+        ),
+    ] = False,
+) -> None:
+    pass
 
 
 def read_strands(text: str) -> tuple[float, ...]:
@@ -132,7 +169,7 @@ def check_command(
     """Check a sampler: a table of verdicts, and exit code 1 where one fails."""
     path = sampler / "sampler.json" if sampler.is_dir() else sampler
     loaded = Sampler.from_json(read_text(path, "sampler"), source=str(path))
-    model = _model(loaded, fibre)
+    model = model_of(loaded) if fibre is None else DualScattering(read_fibre(fibre))
     counts = None if strands is None else read_strands(strands)
     if output is not None:
         writable_directory(output.parent, make=False)
@@ -276,18 +313,6 @@ def _lobes(text: str) -> int | None:
     except ValueError:
         raise ValueError(f"--lobes must be a whole number from 1 to {MAX_LOBES} or auto, got {text!r}") from None
     return validate.integer("--lobes", number, 1, MAX_LOBES, remedy="4 suits most fibres; auto lets the program choose")
-
-
-def _model(sampler: Sampler, fibre: str | None) -> Any:
-    about = sampler.about
-    if fibre is not None:
-        return DualScattering(read_fibre(fibre))
-    own = sampler.fibre
-    if own is None:
-        raise ValueError("this sampler does not say which fibre it is for; give one with --fibre")
-    if about.get("model") == "Marschner":
-        return Marschner(own, about.get("longitudinal", "gaussian"))
-    return DualScattering(own, sampler.strands[0], about.get("formulation"))
 
 
 def fit_summary(result: Fit) -> dict[str, Any]:

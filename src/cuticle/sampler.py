@@ -310,6 +310,15 @@ class Sampler:
             raise ValueError(f"{source} is refused: {error}") from None
 
     @property
+    def padded_nodes(self) -> NDArray[np.float64]:
+        """`nodes` with lobes of weight 0 added up to 1, 2, 4, 8, 16 or 32: what C++ packs into whole vectors."""
+        rows, theta_nodes, parameters, lobes = self.nodes.shape
+        padded = np.ones((rows, theta_nodes, parameters, self._padded))
+        padded[:, :, WEIGHT] = 0
+        padded[..., :lobes] = self.nodes
+        return padded
+
+    @property
     def _padded(self) -> int:
         return next(size for size in _SIZES if size >= self.lobes)
 
@@ -325,12 +334,8 @@ class Sampler:
         return self._make("d")
 
     def _make(self, suffix: str) -> Any:
-        rows, theta_nodes, parameters, lobes = self.nodes.shape
-        padded = np.ones((rows, theta_nodes, parameters, self._padded))
-        padded[:, :, WEIGHT] = 0
-        padded[..., :lobes] = self.nodes
         table = getattr(_core, f"Table{self._padded}{suffix}")
-        return table(padded, self.energy, np.array(self.strands), self.even)
+        return table(self.padded_nodes, self.energy, np.array(self.strands), self.even)
 
     def _strands(self, strands: ArrayLike | None, dtype: Any) -> NDArray:
         if strands is None:

@@ -1,0 +1,5 @@
+"""`python -m cuticle`: the command line."""
+
+from cuticle.cli import main
+
+main()

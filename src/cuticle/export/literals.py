@@ -1,0 +1,32 @@
+"""Numbers as they stand in source code."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+
+def single(value: float, suffix: str = "f") -> str:
+    """Return the shortest literal that reads back as the same single-precision number."""
+    x = np.float32(value)
+    if x == 0:
+        return f"0.{suffix or '0'}"
+    plain = np.format_float_positional(x, unique=True, trim="0")
+    power = np.format_float_scientific(x, unique=True, trim="-", exp_digits=1).replace("e+", "e")
+    return (power if len(power) < len(plain) else plain) + suffix
+
+
+def singles(values: ArrayLike, suffix: str = "f") -> list[str]:
+    """Return `single` of each value, in C order."""
+    return [single(float(x), suffix) for x in np.asarray(values).reshape(-1)]
+
+
+def wrapped(words: Iterable[str], indent: int = 4, width: int = 125) -> str:
+    """Return words with commas between, on lines of at most `width` columns."""
+    pad = " " * indent
+    return textwrap.fill(
+        ", ".join(words), width, initial_indent=pad, subsequent_indent=pad, break_long_words=False, break_on_hyphens=False
+    )

@@ -1,0 +1,77 @@
+"""A page to turn a sampler in: one self-contained file, drawn by the exported GLSL itself."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cuticle.export import Export, describe, environment
+from cuticle.export.frames import FRAMES
+from cuticle.export.glsl import TEXTURE_WIDTH, lobe_texels, shader
+from cuticle.export.tables import reduce_tables
+from cuticle.fit import fit
+from cuticle.models import DualScattering
+from cuticle.origin import model_of
+from cuticle.sampler import Sampler
+
+LOBES = (1, 2, 4, 8)
+_COLOR = {1: "vec3(f)", 2: "vec3(f, 0.0)", 3: "f", 4: "f.rgb"}
+
+
+def page(sampler: Sampler, *, name: str, progress: Callable[[str, float], None]) -> Export:
+    """Return the page of a sampler and of 1, 2, 4 and 8 lobes fitted to the same fibre.
+
+    Raises
+    ------
+    ValueError
+        A sampler that does not know its fibre, or whose fibre has more than four channels.
+    """
+    model = model_of(sampler)
+    tables = reduce_tables(model)
+    samplers = {sampler.lobes: sampler}
+    for k in LOBES:
+        progress(f"fitting {k} lobes", LOBES.index(k) / len(LOBES))
+        if k not in samplers:
+            objective = sampler.about.get("objective", "luminance")
+            counts = None if not isinstance(model, DualScattering) or len(sampler.covers) == 1 else sampler.covers
+            samplers[k] = fit(model, k, strands=counts, objective=objective).sampler
+    progress("writing", 0.95)
+    ordered = dict(sorted(samplers.items()))
+    frame = FRAMES["local-x"]
+    scattering = shader(sampler, tables, frame, "fibre", [], inline=False)
+    luminance = "dot(f, vec3(0.2126, 0.7152, 0.0722))" if model.channels == 3 else f"dot(f, {_ones(model.channels)})"
+    data = {
+        "width": TEXTURE_WIDTH,
+        "even": bool(sampler.even),
+        "strands": list(sampler.covers),
+        "lobes": list(ordered),
+        "chosen": sampler.lobes,
+        "model": scattering.text,
+        "color": _COLOR[model.channels],
+        "luminance": luminance,
+        "texels": _packed(np.frombuffer(scattering.data, np.float32).reshape(-1, 4)),
+        "samplers": {
+            str(k): {
+                "shader": shader(s, None, frame, "fibre", [], inline=False).text,
+                "texels": _packed(lobe_texels(s).reshape(-1, 4)),
+            }
+            for k, s in ordered.items()
+        },
+    }
+    text = environment().get_template("page.html.j2").render(data=data, name=name, about=describe(sampler))
+    return Export(text, 4 * (sampler.nodes.size + sampler.energy.size))
+
+
+def _ones(channels: int) -> str:
+    return "1.0" if channels == 1 else f"vec{channels}({1 / channels!r})"
+
+
+def _packed(texels: NDArray[np.float32]) -> str:
+    """Texels in base64, filled up to whole rows of a texture."""
+    rows = -(-len(texels) // TEXTURE_WIDTH)
+    out = np.zeros((rows * TEXTURE_WIDTH, 4), "<f4")
+    out[: len(texels)] = texels
+    return base64.b64encode(out.tobytes()).decode()

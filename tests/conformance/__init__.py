@@ -1,0 +1,1 @@
+"""One sampler in every host: the same inputs, the same answers."""

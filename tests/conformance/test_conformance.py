@@ -1,0 +1,157 @@
+"""What Python proves is what ships: every export over the same inputs, against the reference in double precision."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import cuticle
+from conformance import replay
+from cuticle.export import export
+
+COUNTS = (0.0, 1.0, 2.0, 4.0, 8.0)
+WARNINGS = ["-Wall", "-Wextra", "-Wconversion", "-Werror"]
+FLAGS = {"O2": ["-O2"], "native": ["-O3", "-march=native"], "fast": ["-O3", "-ffast-math"]}
+REPORT = Path(__file__).parents[2] / "out" / "conformance.json"
+
+
+@pytest.fixture(scope="module")
+def table() -> Iterator[list[replay.Worst]]:
+    """Every host's worst case, kept in out/conformance.json."""
+    rows: list[replay.Worst] = []
+    yield rows
+    REPORT.parent.mkdir(exist_ok=True)
+    REPORT.write_text(json.dumps([vars(r) for r in rows], indent=1) + "\n")
+
+
+@pytest.fixture(scope="module", params=["document", "brown", "black"])
+def sampler(request: pytest.FixtureRequest) -> tuple[str, cuticle.Sampler]:
+    model = cuticle.DualScattering(cuticle.Fibre.preset(request.param))
+    return request.param, cuticle.fit(model, 4, strands=COUNTS).sampler
+
+
+@pytest.fixture(scope="module")
+def x() -> Any:
+    inputs = replay.inputs()
+    assert replay.digest(inputs) == replay.DIGEST
+    return inputs
+
+
+def judge(table: list[replay.Worst], worst: replay.Worst) -> None:
+    table.append(worst)
+    assert worst.ok, f"{worst}; worst at {worst.at}"
+    # Samples off by more than an angle's tolerance sit at the ends of lobes, and are few.
+    assert worst.resolved >= 0.97
+
+
+def test_python_in_single_precision(sampler: Any, x: Any, table: Any) -> None:
+    name, fitted = sampler
+    judge(table, replay.compare(f"{name}: Python, float", fitted, x, replay.python(fitted, x)))
+
+
+@pytest.mark.parametrize("flags", FLAGS)
+@pytest.mark.parametrize("compiler", ["g++", "clang++"])
+def test_cpp_alone_in_an_empty_folder(sampler: Any, x: Any, table: Any, compiler: str, flags: str, tmp_path: Path) -> None:
+    if shutil.which(compiler) is None:
+        pytest.skip(f"{compiler} is not installed")
+    name, fitted = sampler
+    header = export(fitted, "cpp", name="fibre").text
+    command = [compiler, "-std=c++17", *FLAGS[flags], *WARNINGS]
+    got = replay.compiled(command, header, x, tmp_path)
+    judge(table, replay.compare(f"{name}: {compiler} {flags}, float", fitted, x, got, reassociates=flags == "fast"))
+    if flags == "O2":
+        double = replay.compare("double", fitted, x, replay.compiled(command, header, x, tmp_path, precision="double"))
+        # The table is single precision, and nothing else.
+        assert double.pdf <= 5e-6
+        assert double.angle <= 0.01
+
+
+def nvcc() -> str | None:
+    """CUDA's compiler: on the path, or from the package nvidia-cuda-nvcc."""
+    found = shutil.which("nvcc")
+    packaged = sorted(Path(sys.prefix).glob("lib/python*/site-packages/nvidia/cu*/bin/nvcc"))
+    return found or (str(packaged[-1]) if packaged else os.environ.get("CUDACXX"))
+
+
+def test_cuda(sampler: Any, x: Any, table: Any, tmp_path: Path) -> None:
+    compiler = nvcc()
+    if compiler is None:
+        pytest.skip(
+            "no nvcc: CUDA's toolkit, or pip install nvidia-cuda-nvcc nvidia-nvvm nvidia-cuda-crt nvidia-cuda-runtime"
+        )
+    name, fitted = sampler
+    header = export(fitted, "cuda", name="fibre", with_model=True).text
+    command = [compiler, "-std=c++17", "-O3", "-Xcompiler", "-Wall,-Wextra", "--Werror", "all-warnings"]
+    libraries = sorted(Path(compiler).parents[1].glob("lib*"))
+    command += [f"-L{folder}" for folder in libraries]
+    if shutil.which("nvidia-smi") is None:
+        replay.build([*command, "-c"], header, tmp_path, suffix="cu")
+        pytest.skip("no GPU: compiled without a warning, not run")
+    judge(table, replay.compare(f"{name}: CUDA", fitted, x, replay.compiled(command, header, x, tmp_path, suffix="cu")))
+
+
+@pytest.mark.parametrize("with_model", [False, True])
+@pytest.mark.parametrize("version", ["300 es", "330", "450"])
+def test_glsl_validates(sampler: Any, version: str, with_model: bool, tmp_path: Path) -> None:
+    if shutil.which("glslangValidator") is None:
+        pytest.skip("glslangValidator is not installed (Debian: apt-get install glslang-tools)")
+    made = export(sampler[1], "glsl", name="fibre", frame="mitsuba", with_model=with_model)
+    assert bool(made.data) == with_model
+    call = "fibre_pdf_direction(wi, wo, 2.)" + (" + length(fibre_eval_direction(wi, wo, .5))" if with_model else "")
+    shader = f"""#version {version}
+        precision highp float;
+        precision highp int;
+        layout(location = 0) out vec4 color;
+        {made.text}
+        void main() {{
+            vec3 wi = vec3(.6, .64, .48);
+            float p;
+            vec3 wo = fibre_sample_direction(wi, vec3(.1, .2, .3), 1., p);
+            color = vec4(wo, p + {call});
+        }}
+        """
+    (tmp_path / "shader.frag").write_text(shader)
+    done = subprocess.run(["glslangValidator", str(tmp_path / "shader.frag")], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+    assert "WARNING" not in done.stdout
+
+
+def test_glsl_in_a_browser(sampler: Any, x: Any, table: Any, browser: Any, tmp_path: Path) -> None:
+    name, fitted = sampler
+    shader = export(fitted, "glsl", name="fibre").text
+    got = replay.shaded(browser, shader, x, tmp_path)
+    judge(table, replay.compare(f"{name}: GLSL", fitted, x, got, reassociates=True))
+
+
+# One digit wrong: a coefficient of erf's inverse, of erf, and a node of the table.
+BROKEN = [("1.50140941", "1.50240941"), ("1.12837911", "1.12857911"), ("0.318309886 + 0.5", "0.318309886 + 0.5001")]
+
+
+@pytest.mark.parametrize(("right", "wrong"), BROKEN)
+def test_a_wrong_constant_is_caught_in_glsl(
+    x: Any, document_fit: Any, browser: Any, tmp_path: Path, right: str, wrong: str
+) -> None:
+    shader = export(document_fit.sampler, "glsl", name="fibre").text
+    assert right in shader
+    got = replay.shaded(browser, shader.replace(right, wrong), x, tmp_path)
+    assert not replay.compare("broken", document_fit.sampler, x, got, reassociates=True).ok
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong"), [*BROKEN[:2], ("1 / pi<double>) + Float(.5)", "1 / pi<double>) + Float(.5001)")]
+)
+def test_a_wrong_constant_is_caught_in_cpp(x: Any, document_fit: Any, tmp_path: Path, right: str, wrong: str) -> None:
+    if shutil.which("g++") is None:
+        pytest.skip("g++ is not installed")
+    header = export(document_fit.sampler, "cpp", name="fibre").text
+    assert right in header
+    got = replay.compiled(["g++", "-std=c++17", "-O1"], header.replace(right, wrong), x, tmp_path)
+    assert not replay.compare("broken", document_fit.sampler, x, got).ok

@@ -1,0 +1,270 @@
+"""Exports: what the files hold, that they stand alone, and what is refused before anything is written."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cuticle
+from cuticle.export import FRAMES, MAX_TABLE, export
+from cuticle.export.glsl import model_texels
+from cuticle.export.literals import single, wrapped
+from cuticle.export.tables import TOLERANCE, reduce_tables
+from cuticle.headers import amalgamate, cmake_dir, include_dir
+from test_cli import refused, run
+
+ROOT = Path(__file__).parents[1]
+WARNINGS = ["-std=c++17", "-Wall", "-Wextra", "-Wconversion", "-Werror"]
+
+
+@pytest.fixture(scope="module")
+def strand() -> cuticle.Sampler:
+    """A strand on its own, three lobes: a number that is padded."""
+    return cuticle.fit(cuticle.Marschner(cuticle.Fibre.preset("brown"), "energy_conserving"), lobes=3).sampler
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory, document_fit: cuticle.Fit) -> Path:
+    target = tmp_path_factory.mktemp("export")
+    document_fit.sampler.save(target / "sampler.json")
+    return target
+
+
+def compile_and_run(source: str, folder: Path, *, compiler: str = "g++", flags: tuple[str, ...] = ()) -> str:
+    if shutil.which(compiler) is None:
+        pytest.skip(f"{compiler} is not installed")
+    (folder / "main.cpp").write_text(source)
+    command = [compiler, *WARNINGS, "-O2", *flags, "main.cpp", "-o", "main"]
+    built = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert built.returncode == 0, built.stderr
+    return subprocess.run(["./main"], cwd=folder, capture_output=True, text=True, check=True).stdout
+
+
+def test_the_table_is_small_and_the_text_depends_on_nothing_else(document_fit: cuticle.Fit) -> None:
+    for to in ("cpp", "cuda", "glsl"):
+        made = export(document_fit.sampler, to, name="brown")
+        assert made.table_bytes <= MAX_TABLE
+        again = export(cuticle.Sampler.from_json(document_fit.sampler.to_json()), to, name="brown")
+        assert made == again
+        assert max(map(len, made.text.splitlines())) <= 130
+    head = export(document_fit.sampler, "cpp", name="brown", frame="pbrt").text[:3000]
+    for word in ("4 lobes", "0, 1, 2, 4, 8", "ESS", "alpha_R", "wo toward the viewer", "brown::sample"):
+        assert word in head
+
+
+def test_cpp_is_formatted(document_fit: cuticle.Fit, tmp_path: Path) -> None:
+    formatter = shutil.which("clang-format") or str(Path(sys.executable).parent / "clang-format")
+    if not Path(formatter).exists():
+        pytest.skip("clang-format is not installed")
+    (tmp_path / "fibre.h").write_text(export(document_fit.sampler, "cpp", with_model=True).text)
+    command = [formatter, f"--style=file:{ROOT / '.clang-format'}", "--dry-run", "--Werror", str(tmp_path / "fibre.h")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_numbers_read_back() -> None:
+    rng = np.random.default_rng(1)
+    values = np.concatenate([rng.normal(size=2000) * 10.0 ** rng.integers(-30, 30, 2000), [0, 1, -1, 1e-38, 3e38]])
+    for x in values.astype(np.float32):
+        text = single(float(x))
+        assert text.endswith("f")
+        assert "." in text or "e" in text  # a literal of C++ and of GLSL, not an integer
+        assert np.float32(text[:-1]) == x
+    assert max(map(len, wrapped(["1.0"] * 100, 8).splitlines())) <= 125
+
+
+@pytest.mark.parametrize("compiler", ["g++", "clang++"])
+@pytest.mark.parametrize("kind", ["dual", "strand"])
+def test_the_whole_material_agrees_with_python(
+    kind: str,
+    compiler: str,
+    document_fit: cuticle.Fit,
+    document_model: cuticle.DualScattering,
+    strand: cuticle.Sampler,
+    tmp_path: Path,
+) -> None:
+    sampler = document_fit.sampler if kind == "dual" else strand
+    model = document_model if kind == "dual" else cuticle.Marschner(cuticle.Fibre.preset("brown"), "energy_conserving")
+    channels = model.channels
+    (tmp_path / "fibre.h").write_text(export(sampler, "cpp", name="hair", with_model=True).text)
+    points = list(itertools.product((-1.2, 0.3), (-0.9, 0.0, 0.7), (0.2, 2.9), (0.0, 0.4, 3.0)))
+    rows = ", ".join("{" + ", ".join(map(str, p)) + "}" for p in points)
+    printed = compile_and_run(
+        f"""#include "fibre.h"
+        #include <cstdio>
+        int main() {{
+            const double rows[][4] = {{{rows}}};
+            for (const auto &r : rows) {{
+                double f[hair::channels];
+                hair::eval(r[0], r[1], r[2], f, r[3]);
+                for (double x : f) std::printf("%.9g ", x);
+                std::printf("%.9g\\n", hair::pdf(r[0], r[1], r[2], r[3]));
+            }}
+        }}""",
+        tmp_path,
+        compiler=compiler,
+    )
+    got = np.array(printed.split(), float).reshape(-1, channels + 1)
+    for row, (theta_i, theta_r, phi, n) in zip(got, points, strict=True):
+        own = model.with_strands(n) if isinstance(model, cuticle.DualScattering) else model
+        np.testing.assert_allclose(row[:-1], own.eval(theta_i, theta_r, phi), rtol=0.05, atol=2e-3)  # thinned tables
+        np.testing.assert_allclose(row[-1], sampler.pdf(theta_i, theta_r, phi, n), rtol=1e-5)  # a table in single precision
+
+
+@pytest.mark.parametrize("frame", FRAMES)
+def test_directions_in_every_frame(frame: str, document_fit: cuticle.Fit, tmp_path: Path) -> None:
+    axes = FRAMES[frame].axes
+    (tmp_path / "fibre.h").write_text(export(document_fit.sampler, "cpp", name="hair", frame=frame, with_model=True).text)
+    viewer = dict(zip(axes, (0.6, 0.48, 0.64), strict=True))  # along the strand, along phi = 0, along phi = 90°
+    made = "{" + ", ".join(f"{viewer[a]}f" for a in "xyz") + "}"
+    printed = compile_and_run(
+        f"""#include "fibre.h"
+        #include <cstdio>
+        struct Vector {{ float x, y, z; }};
+        int main() {{
+            const Vector viewer{made};
+            float pdf, f_cos[hair::channels];
+            const Vector light = hair::sample_direction(viewer, .3f, .4f, .6f, &pdf, 2);
+            hair::eval_direction(viewer, light, f_cos, 2);
+            std::printf("%.9g %.9g %.9g ", light.x, light.y, light.z);
+            std::printf("%.9g %.9g %.9g", pdf, hair::pdf_direction(viewer, light, 2), f_cos[0]);
+        }}""",
+        tmp_path,
+    )
+    values = [float(word) for word in printed.split()]
+    theta_r, phi_r = np.arcsin(0.6), np.arctan2(0.64, 0.48)
+    theta_i, phi, pdf = (float(v) for v in document_fit.sampler.sample(theta_r, [0.3, 0.4, 0.6], 2))
+    expected = (np.sin(theta_i), np.cos(theta_i) * np.cos(phi_r + phi), np.cos(theta_i) * np.sin(phi_r + phi))
+    light = dict(zip("xyz", values[:3], strict=True))
+    np.testing.assert_allclose([light[a] for a in axes], expected, atol=1e-5)
+    np.testing.assert_allclose(values[3:5], pdf, rtol=1e-4)
+    f = cuticle.DualScattering(cuticle.Fibre.preset("document"), 2).eval(theta_i, theta_r, phi)[0]
+    np.testing.assert_allclose(values[5], f * np.cos(theta_i), rtol=0.03)
+
+
+def test_two_exports_and_the_headers_stand_side_by_side(
+    document_fit: cuticle.Fit, strand: cuticle.Sampler, tmp_path: Path
+) -> None:
+    (tmp_path / "a.h").write_text(export(document_fit.sampler, "cpp", name="a").text)
+    (tmp_path / "b.h").write_text(export(strand, "cpp", name="b", with_model=True).text)
+    (tmp_path / "cuticle.h").write_text(amalgamate())
+    orders = itertools.permutations(['"a.h"', '"b.h"', '"cuticle.h"', '"cuticle/cuticle.h"'])
+    for order in list(orders)[::7]:
+        source = (
+            "".join(f"#include {name}\n" for name in order)
+            + "int main() { return a::pdf(0., 0., 3.) > b::pdf(0., 0., 3.); }\n"
+        )
+        compile_and_run(source, tmp_path, flags=(f"-I{include_dir()}", "-O0"))
+
+
+def test_another_version_is_refused(document_fit: cuticle.Fit, tmp_path: Path) -> None:
+    text = export(document_fit.sampler, "cpp", name="a").text
+    (tmp_path / "old.h").write_text(re.sub(r"#define CUTICLE_VERSION_MINOR \d+", "#define CUTICLE_VERSION_MINOR 999", text))
+    (tmp_path / "main.cpp").write_text('#include "old.h"\n')
+    done = subprocess.run(
+        ["c++", "-std=c++17", "-fsyntax-only", "main.cpp"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode != 0
+    assert "export it again" in done.stderr
+
+
+@pytest.mark.parametrize("compiler", ["g++", "clang++"])
+@pytest.mark.parametrize("program", ["standalone", "lanes"])
+def test_the_amalgamated_headers_pass_the_headers_own_tests(program: str, compiler: str, tmp_path: Path) -> None:
+    (tmp_path / "cuticle").mkdir()
+    (tmp_path / "cuticle/cuticle.h").write_text(amalgamate())
+    (tmp_path / "cuticle/sampler.h").write_text('#include "cuticle/cuticle.h"\n')
+    source = (ROOT / f"tests/cpp/{program}.cpp").read_text()
+    compile_and_run(source, tmp_path, compiler=compiler, flags=("-I.",))
+
+
+def test_thinned_tables_are_small_and_close() -> None:
+    for name in ("document", "black"):
+        model = cuticle.DualScattering(cuticle.Fibre.preset(name))
+        tables = reduce_tables(model)
+        assert tables.error <= TOLERANCE
+        assert tables.size < 0.2 * model.single.tables.direct.nbytes
+        texels = model_texels(tables)
+        rows, columns = tables.direct.shape[:2]
+        flat = texels.reshape(-1, 4)[:, : model.channels]
+        np.testing.assert_array_equal(flat[: 3 * rows * columns].reshape(tables.direct.shape), tables.direct)
+    whole = reduce_tables(cuticle.DualScattering(cuticle.Fibre.preset("document")), tolerance=0)
+    assert whole.error == 0
+
+
+def test_json_reads_back(document_fit: cuticle.Fit) -> None:
+    loaded = cuticle.Sampler.from_json(export(document_fit.sampler, "json").text)
+    np.testing.assert_array_equal(loaded.nodes, document_fit.sampler.nodes)
+    material = json.loads(export(document_fit.sampler, "json", with_model=True).text)
+    assert np.array(material["model"]["direct"]).ndim == 4
+    assert material["model"]["formulation"] == "zinke2008"
+    cuticle.Sampler.from_json(json.dumps(material["sampler"]))
+
+
+def test_a_sampler_of_an_unknown_function_goes_without_its_model(document_fit: cuticle.Fit) -> None:
+    s = document_fit.sampler
+    unknown = cuticle.Sampler(s.nodes, s.energy, s.strands, s.even)
+    assert "user's own" in export(unknown, "cpp").text
+    with pytest.raises(ValueError, match="does not say which fibre"):
+        export(unknown, "cpp", with_model=True)
+
+
+def test_the_command_writes_what_it_says(folder: Path) -> None:
+    done = run("export", "sampler.json", "--to", "cuda", "--frame", "pbrt", "-o", "my-hair.cuh", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    text = (folder / "my-hair.cuh").read_text()
+    assert "namespace my_hair {" in text
+    assert "__global__" in text
+    done = run("export", ".", "--to", "glsl", "--with-model", "--name", "hair", "-o", "hair.glsl", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    values = np.fromfile(folder / "hair.f32", "<f4")
+    assert values.size % (1024 * 4) == 0
+    assert "hair.f32" in done.stdout
+    done = run("export", "--amalgamate", "-o", "cuticle.h", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert (folder / "cuticle.h").read_text() == amalgamate()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["sampler.json", "--to", "rust", "-o", "x.rs"], "--to must be one of cpp, cuda, glsl, json, web; got 'rust'"),
+        (["sampler.json", "-o", "x.h"], "--to must say for which host"),
+        (["sampler.json", "--to", "cpp", "-o", "missing/x.h"], "cannot write to missing"),
+        (["sampler.json", "--to", "cpp", "-o", "."], "it is a folder"),
+        (["sampler.json", "--to", "cpp", "--frame", "blender", "-o", "x.h"], "frame must be one of pbrt, mitsuba"),
+        (["sampler.json", "--to", "cpp", "--name", "2fast", "-o", "x.h"], "name must be letters"),
+        (["sampler.json", "--to", "glsl", "--name", "a__b", "-o", "x.h"], "single underscores"),
+        (["nowhere.json", "--to", "cpp", "-o", "x.h"], "cannot read sampler nowhere.json"),
+        (["newer.json", "--to", "cpp", "-o", "x.h"], "newer than 1; upgrade cuticle"),
+        (["short.json", "--to", "cpp", "-o", "x.h"], "it ends early"),
+        (["sampler.json", "--amalgamate", "-o", "x.h"], "--amalgamate without a sampler"),
+        (["-o", "x.h"], "give a sampler with --to HOST"),
+    ],
+)  # fmt: skip
+def test_one_line_and_no_file_for_what_is_wrong(arguments: list[str], words: str, folder: Path) -> None:
+    text = (folder / "sampler.json").read_text()
+    (folder / "newer.json").write_text(text.replace('"version": 1', '"version": 2'))
+    (folder / "short.json").write_text(text[: len(text) // 2])
+    refused("export", *arguments, words=words, cwd=folder)
+
+
+# The headers where pip and CMake put them.
+
+
+def test_python_says_where_the_headers_lie() -> None:
+    for option, expected in (("--include-dir", include_dir()), ("--cmake-dir", cmake_dir())):
+        done = subprocess.run([sys.executable, "-m", "cuticle", option], capture_output=True, text=True, check=True)
+        assert Path(done.stdout.strip()) == expected
+    assert (include_dir() / "cuticle/cuticle.h").exists()
+    assert (cmake_dir() / "cuticleConfig.cmake").exists()
+    done = subprocess.run([sys.executable, "-m", "cuticle", "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == cuticle.__version__
