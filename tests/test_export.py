@@ -177,7 +177,7 @@ def test_another_version_is_refused(document_fit: cuticle.Fit, tmp_path: Path) -
 
 
 @pytest.mark.parametrize("compiler", ["g++", "clang++"])
-@pytest.mark.parametrize("program", ["standalone", "lanes"])
+@pytest.mark.parametrize("program", ["standalone"])
 def test_the_amalgamated_headers_pass_the_headers_own_tests(program: str, compiler: str, tmp_path: Path) -> None:
     (tmp_path / "cuticle").mkdir()
     (tmp_path / "cuticle/cuticle.h").write_text(amalgamate())

@@ -4,6 +4,7 @@
 
 #include "cuticle/angles.h"
 #include "cuticle/azimuthal.h"
+#include "cuticle/batch.h"
 #include "cuticle/density_grid.h"
 #include "cuticle/dual_scattering.h"
 #include "cuticle/lobe.h"

@@ -10,26 +10,28 @@ namespace cuticle {
 // What a truncated normal needs where its mean lies inside [lo, hi] or at most one sigma outside: there the
 // difference of two erf keeps its precision. With z = (x - mean) rate the density is norm(d) exp(-z²).
 template <class Float> struct CentralNormal {
-    Float mean, rate;    // rate = 1 / (sqrt 2 sigma)
-    Float erf_lo, mass;  // erf at the lower end; erf(upper) - erf(lower)
+    Float mean, rate;        // rate = 1 / (sqrt 2 sigma)
+    Float low, mass, under;  // low/under is erf at the lower end, mass/under erf(upper) - erf(lower)
 };
 
 template <class Float>
 CUTICLE_INLINE CentralNormal<Float> central_normal(const Float &mean, const Float &rate, const Float &lo, const Float &hi) {
-    const Float erf_lo = math::erf(Float((lo - mean) * rate));
-    return {mean, rate, erf_lo, math::erf(Float((hi - mean) * rate)) - erf_lo};
+    const math::Quotient<Float> a = math::erf_quotient(Float((lo - mean) * rate));
+    const math::Quotient<Float> b = math::erf_quotient(Float((hi - mean) * rate));
+    const Float low = a.over * b.under;
+    return {mean, rate, low, b.over * a.under - low, a.under * b.under};
 }
 
 template <class Float> CUTICLE_HD Float central_norm(const CentralNormal<Float> &d) {
-    return Float(two_over_sqrt_pi<double>) * d.rate / d.mass;
+    return Float(two_over_sqrt_pi<double>) * d.rate * d.under / d.mass;
 }
 
 template <class Float> CUTICLE_HD Float central_cdf(const CentralNormal<Float> &d, const Float &x) {
-    return math::clamp(Float((math::erf(Float((x - d.mean) * d.rate)) - d.erf_lo) / d.mass), Float(0), Float(1));
+    return math::clamp(Float((math::erf(Float((x - d.mean) * d.rate)) * d.under - d.low) / d.mass), Float(0), Float(1));
 }
 
-template <class Float> CUTICLE_HD Float central_icdf(const CentralNormal<Float> &d, const Float &u) {
-    return d.mean + math::erfinv(math::clamp(Float(d.erf_lo + u * d.mass), Float(-1), Float(1))) / d.rate;
+template <class Float> CUTICLE_INLINE Float central_icdf(const CentralNormal<Float> &d, const Float &u) {
+    return d.mean + math::erfinv(math::clamp(Float((d.low + u * d.mass) / d.under), Float(-1), Float(1))) / d.rate;
 }
 
 // The normal of any mean and any sigma > 0 truncated to [lo, hi]. Where the mean lies more than a sigma

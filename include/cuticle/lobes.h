@@ -3,7 +3,7 @@
 #define CUTICLE_LOBES_H
 
 #include "cuticle/lobe.h"
-#include "cuticle/pack.h"
+#include "cuticle/pack_math.h"
 
 namespace cuticle {
 
@@ -22,8 +22,8 @@ template <class Float> struct ChosenLobe {
 template <class Mask, class Float>
 CUTICLE_HD CentralNormal<Float> select_normal(const Mask &mask, const CentralNormal<Float> &a,
                                               const CentralNormal<Float> &b) {
-    return {select(mask, a.mean, b.mean), select(mask, a.rate, b.rate), select(mask, a.erf_lo, b.erf_lo),
-            select(mask, a.mass, b.mass)};
+    return {select(mask, a.mean, b.mean), select(mask, a.rate, b.rate), select(mask, a.low, b.low),
+            select(mask, a.mass, b.mass), select(mask, a.under, b.under)};
 }
 
 // Weights sum to 1; sigmas are positive; a mean lies in its domain or at most one sigma outside (the table is
@@ -33,34 +33,47 @@ CUTICLE_HD CentralNormal<Float> select_normal(const Mask &mask, const CentralNor
 template <class Float, int K> struct Lobes {
     using Set = Pack<Float, K>;
     using Both = Pack<Float, 2 * K>;  // theta's, then phi's
+    // A number's lobes lie in one vector, divided at once while nothing waits for them; of an array's lobes only the chosen
+    // one is divided.
+    static constexpr bool finished = std::is_arithmetic_v<Float>;
     Set weight, scale;
-    CentralNormal<Both> normal;
+    CentralNormal<Both> normal;  // `under` is 1 where finished
     bool even;
 
-    CUTICLE_HD void set(const Set &weight_, const Both &mean, const Both &sigma, bool even_) {
+    CUTICLE_INLINE void set(const Set &weight_, const Both &mean, const Both &sigma, bool even_) {
         weight = weight_;
         even = even_;
         const Set pole(half_pi<double>), turn(pi<double>), mean_phi = half<1>(mean);
         const Set lo = even ? Set(0) : Set(mean_phi - turn), hi = even ? turn : Set(mean_phi + turn);
         normal = central_normal(mean, Both(Both(sqrt_half<double>) / sigma), join(Set(-pole), lo), join(pole, hi));
-        // Both norms by one division.
+        // Both norms, and the quotients in them, by one division.
         const double norm = two_over_sqrt_pi<double> * two_over_sqrt_pi<double> * (even ? .5 : 1.);
         const Set rates = half<0>(normal.rate) * half<1>(normal.rate), masses = half<0>(normal.mass) * half<1>(normal.mass);
-        scale = weight * rates * Set(norm) / masses;
+        scale = weight * rates * Set(norm) * (half<0>(normal.under) * half<1>(normal.under)) / masses;
+        if constexpr (finished) {
+            normal.low = normal.low / normal.under;
+            normal.mass = normal.mass / normal.under;
+        }
     }
 
     // 1/sr: per steradian, d omega = cos(theta_i) d theta_i d phi.
-    CUTICLE_HD Float pdf(const Float &theta_i, const Float &phi_i) const {
-        const Float per_steradian = Float(1) / math::cos_theta(theta_i);
-        const Float wrapped = math::nearest_turn(phi_i);
+    CUTICLE_INLINE Float pdf(const Float &theta_i, const Float &phi_i) const {
+        return per_steradian(density(theta_i, math::nearest_turn(phi_i)), theta_i);
+    }
+
+    CUTICLE_INLINE static Float per_steradian(const Float &density, const Float &theta_i) {
+        return select(math::abs(theta_i) > Float(half_pi<Float>), Float(0), Float(density / math::cos_theta(theta_i)));
+    }
+
+    // In d theta_i d phi, at an azimuth within half a turn of 0.
+    CUTICLE_INLINE Float density(const Float &theta_i, const Float &wrapped) const {
         Both d = join(Set(theta_i), Set(even ? math::abs(wrapped) : wrapped)) - normal.mean;
         if (!even) {
             const Set limit(pi<double>), turn(2 * pi<double>), d_phi = half<1>(d);
             d = join(half<0>(d), select(d_phi > limit, Set(d_phi - turn), select(d_phi < -limit, Set(d_phi + turn), d_phi)));
         }
         const Both z = d * normal.rate, squared = z * z;
-        const Float density = sum(Set(scale * decay(Set(-(half<0>(squared) + half<1>(squared)))))) * per_steradian;
-        return select(math::abs(theta_i) > Float(half_pi<Float>), Float(0), density);
+        return sum(Set(scale * math::decay(Set(-(half<0>(squared) + half<1>(squared))))));
     }
 
     // One lobe's cdf in theta_i (from -pi/2) and in phi (from -pi), and their inverses.
@@ -81,7 +94,7 @@ template <class Float, int K> struct Lobes {
     }
 
     // The lobe that u in [0, 1) chooses, along both coordinates.
-    CUTICLE_HD ChosenLobe<Float> choose(const Float &u_lobe) const {
+    CUTICLE_INLINE ChosenLobe<Float> choose(const Float &u_lobe) const {
         Float below[K];
         below[0] = weight[0];
         for (int k = 1; k < K; ++k) below[k] = below[k - 1] + weight[k];
@@ -102,11 +115,11 @@ template <class Float, int K> struct Lobes {
     }
 
     // One inverse a coordinate; the pdf is left to the mixture.
-    CUTICLE_HD Sample<Float> draw(const ChosenLobe<Float> &chosen, const Float &u_theta, const Float &u_phi) const {
+    CUTICLE_INLINE Sample<Float> draw(const ChosenLobe<Float> &chosen, const Float &u_theta, const Float &u_phi) const {
         return {invert_theta(chosen.theta, u_theta), invert_phi(chosen.phi, u_phi), Float(0)};
     }
 
-    CUTICLE_HD Sample<Float> sample(const Float &u_lobe, const Float &u_theta, const Float &u_phi) const {
+    CUTICLE_INLINE Sample<Float> sample(const Float &u_lobe, const Float &u_theta, const Float &u_phi) const {
         Sample<Float> s = draw(choose(u_lobe), u_theta, u_phi);
         s.pdf = pdf(s.theta_i, s.phi);
         return s;
@@ -117,16 +130,28 @@ template <class Float, int K> struct Lobes {
     CUTICLE_HD CentralNormal<Float> phi(int k) const { return one(K + k); }
 
   private:
-    CUTICLE_HD CentralNormal<Float> one(int i) const {
-        return {normal.mean[i], normal.rate[i], normal.erf_lo[i], normal.mass[i]};
+    CUTICLE_INLINE CentralNormal<Float> one(int i) const {
+        return {pick(normal.mean, i), pick(normal.rate, i), pick(normal.low, i), pick(normal.mass, i),
+                finished ? Float(1) : pick(normal.under, i)};
     }
-    CUTICLE_HD static Float invert_theta(const CentralNormal<Float> &d, const Float &u) {
+    // By way of memory, where a vector is laid down long before the choice is known: subscripted itself, it would wait for
+    // it.
+    CUTICLE_INLINE static Float pick(const Both &x, int i) {
+        if constexpr (std::is_arithmetic_v<Float>) {
+            Float lanes[2 * K];
+            std::memcpy(lanes, &x.v, sizeof lanes);
+            return lanes[i];
+        } else {
+            return x[i];
+        }
+    }
+    CUTICLE_INLINE static Float invert_theta(const CentralNormal<Float> &d, const Float &u) {
         // The float nearest to pi/2 lies past the pole: stay one ulp inside.
         const Float limit = Float(half_pi<Float> * (1 - epsilon<Float>));
         return math::clamp(central_icdf(d, u), Float(-limit), limit);
     }
     // A periodic lobe is inverted from its own seam: any order of the circle serves a sample.
-    CUTICLE_HD Float invert_phi(const CentralNormal<Float> &d, const Float &u) const {
+    CUTICLE_INLINE Float invert_phi(const CentralNormal<Float> &d, const Float &u) const {
         if (even)
             return even_icdf([&](const Float &v) { return math::clamp(central_icdf(d, v), Float(0), Float(pi<Float>)); }, u);
         return math::wrap_angle(

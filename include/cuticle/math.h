@@ -32,6 +32,7 @@ template <class T> struct ArrayTraits {
     }
 };
 template <class T> using scalar_t = typename ArrayTraits<T>::Scalar;
+template <class T> inline constexpr bool is_pack = false;  // pack.h's, whose functions know their own best way
 
 // Constants of a lane.
 template <class Float> inline constexpr scalar_t<Float> pi = scalar_t<Float>(3.14159265358979323846);
@@ -125,7 +126,10 @@ template <class T> CUTICLE_INLINE T decay_single(const T &x_) {
                               T(1.00000007f));
 }
 
-template <class T> CUTICLE_INLINE T decay(const T &x) { return math::exp(x); }
+template <class T> CUTICLE_INLINE T decay(const T &x) {
+    if constexpr (is_pack<T>) return pack_decay(x);
+    else return math::exp(x);
+}
 
 CUTICLE_HD inline float decay(float x) {
 #if CUTICLE_DEVICE
@@ -137,45 +141,62 @@ CUTICLE_HD inline float decay(float x) {
 
 // log for float, for normal x > 0: exponent and, on [√½, √2), the series of 2 artanh((m - 1)/(m + 1)); relative error
 // below 2e-7. A call to the library would cost as much as the rest of an inverse.
-CUTICLE_HD inline float log(float x) {
+CUTICLE_INLINE float split_power(const float &x, float &exponent) {
     std::uint32_t bits;
     std::memcpy(&bits, &x, sizeof bits);
     const std::int32_t n = static_cast<std::int32_t>(bits - 0x3f3504f3u) >> 23;
     const std::uint32_t scaled = bits - (static_cast<std::uint32_t>(n) << 23);
-    float m;
-    std::memcpy(&m, &scaled, sizeof m);
-    const float s = (m - 1.f) / (m + 1.f), t = s * s;
-    return static_cast<float>(n) * .693147181f + s * polynomial(t, 2.f / 9, 2.f / 7, .4f, 2.f / 3, 2.f);
+    exponent = static_cast<float>(n);
+    float mantissa;
+    std::memcpy(&mantissa, &scaled, sizeof mantissa);
+    return mantissa;
 }
+template <class T> CUTICLE_INLINE T log_single(const T &x) {
+    T n;
+    const T m = split_power(x, n), s = (m - T(1.f)) / (m + T(1.f)), t = s * s;
+    return n * T(.693147181f) + s * polynomial(t, T(2.f / 9), T(2.f / 7), T(.4f), T(2.f / 3), T(2.f));
+}
+CUTICLE_INLINE float log(float x) { return log_single(x); }
+
+// A division put off, so that several become one.
+template <class T> struct Quotient {
+    T over, under;
+};
 
 // erf in single precision: x P(x²)/Q(x²) on |x| <= 4, our own minimax fit (benchmarks/fit_polynomials.py);
-// relative error below 4e-7.
-template <class T> CUTICLE_INLINE T erf_single(const T &x_) {
+// relative error below 4e-7, so at most 1 + 2e-7.
+template <class T> CUTICLE_INLINE Quotient<T> erf_single(const T &x_) {
     const T x = clamp(x_, T(-4.f), T(4.f));
     const T t = x * x;
     const T p = polynomial(t, T(1.98677e-6f), T(2.84569745e-4f), T(3.88347404e-3f), T(5.31021431e-2f), T(.193547979f),
                            T(1.12837911f));
     const T q =
         polynomial(t, T(3.74202609e-5f), T(1.1856046e-3f), T(1.52075076e-2f), T(.115351215f), T(.504859984f), T(1.f));
-    return x * p / q;  // at most 1 + 2e-7
+    return {x * p, q};
 }
 
-template <class T> CUTICLE_INLINE T erf(const T &x) {
-    if constexpr (std::is_same_v<scalar_t<T>, float>) {
+template <class T> CUTICLE_INLINE Quotient<T> erf_quotient(const T &x) {
+    if constexpr (is_pack<T>) {
+        return pack_erf(x);
+    } else if constexpr (std::is_same_v<scalar_t<T>, float>) {
         return erf_single(x);
     } else {
         using std::erf;
-        return erf(x);
+        return {erf(x), T(1)};
     }
 }
 
+template <class T> CUTICLE_INLINE T erf(const T &x) {
+    const Quotient<T> q = erf_quotient(x);
+    return q.over / q.under;
+}
+
 // The inverse of erf to single precision: M. Giles, "Approximating the erfinv function" (2010).
-template <class T> CUTICLE_HD T erfinv_single(const T &p) {
+template <class T> CUTICLE_INLINE T erfinv_single(const T &p) {
     const T w = -math::log(max(T((T(1) - p) * (T(1) + p)), T(5e-17)));
     const T central = polynomial(T(w - T(2.5)), T(2.81022636e-08), T(3.43273939e-07), T(-3.5233877e-06), T(-4.39150654e-06),
                                  T(0.00021858087), T(-0.00125372503), T(-0.00417768164), T(0.246640727), T(1.50140941));
-    if constexpr (std::is_arithmetic_v<T>)  // |p| > .9966: rare enough for a branch to pay on a scalar
-        if (w < T(5)) return p * central;
+    if (!ArrayTraits<T>::any(w > T(5))) return p * central;  // else |p| > .9966: rare
     const T tail =
         polynomial(T(math::sqrt(max(w, T(5))) - T(3)), T(-0.000200214257), T(0.000100950558), T(0.00134934322),
                    T(-0.00367342844), T(0.00573950773), T(-0.0076224613), T(0.00943887047), T(1.00167406), T(2.83297682));
@@ -183,7 +204,7 @@ template <class T> CUTICLE_HD T erfinv_single(const T &p) {
 }
 
 // The same to the precision of the type: in double two Halley steps on erf.
-template <class T> CUTICLE_HD T erfinv(const T &p) {
+template <class T> CUTICLE_INLINE T erfinv(const T &p) {
     T z = erfinv_single(p);
     if constexpr (!std::is_same_v<scalar_t<T>, float>)
         for (int step = 0; step < 2; ++step) {
@@ -204,30 +225,34 @@ template <class T> CUTICLE_HD T erfcx(const T &x) {
 }
 
 // An angle less whole turns, to within rounding of [-pi, pi].
-template <class T> CUTICLE_HD T nearest_turn(const T &x) {
+template <class T> CUTICLE_INLINE T nearest_turn(const T &x) {
     return x - T(2 * pi<double>) * math::floor(T(x * T(.5 / pi<double>) + T(.5)));
 }
 
 // An angle to (-pi, pi].
-template <class T> CUTICLE_HD T wrap_angle(const T &x) {
+template <class T> CUTICLE_INLINE T wrap_angle(const T &x) {
     const T r = nearest_turn(x);
     return clamp(T(select(r <= T(-pi<T>), T(pi<T>), r)), T(-pi<T>), T(pi<T>));
 }
 
 // cos theta for |theta| <= pi/2 with relative precision up to the poles (the plain cosine of the
 // float next to pi/2 is negative), held above the type's epsilon so that 1/cos stays finite.
-template <class T> CUTICLE_HD T cos_theta(const T &theta) {
-    constexpr double low = 1.57079632679489661923 - static_cast<double>(half_pi<T>);
-    const T x = (T(half_pi<T>) - math::abs(theta)) + T(low);
-    return max(T(math::sin(x)), T(epsilon<T>));
+template <class T> CUTICLE_INLINE T cos_theta_single(const T &theta) {
+    const T x = (T(half_pi<T>) - math::abs(theta)) - T(4.37113883e-8f);
+    const T t = x * x;
+    // sin on [0, pi/2], minimax of degree 9 (benchmarks/fit_polynomials.py), error below 1e-7.
+    const T s = x * polynomial(t, T(2.60190274e-6f), T(-1.98074186e-4f), T(8.33302514e-3f), T(-.166666567f), T(1.f));
+    return max(s, T(epsilon<T>));
 }
 
-CUTICLE_HD inline float cos_theta(float theta) {
-    const float x = (half_pi<float> - abs(theta)) - 4.37113883e-8f;
-    const float t = x * x;
-    // sin on [0, pi/2], minimax of degree 9 (benchmarks/fit_polynomials.py), error below 1e-7.
-    const float s = x * polynomial(t, 2.60190274e-6f, -1.98074186e-4f, 8.33302514e-3f, -.166666567f, 1.f);
-    return max(s, float(epsilon<float>));
+template <class T> CUTICLE_INLINE T cos_theta(const T &theta) {
+    if constexpr (std::is_same_v<T, float> || (is_pack<T> && std::is_same_v<scalar_t<T>, float>)) {
+        return cos_theta_single(theta);
+    } else {
+        constexpr double low = 1.57079632679489661923 - static_cast<double>(half_pi<T>);
+        const T x = (T(half_pi<T>) - math::abs(theta)) + T(low);
+        return max(T(math::sin(x)), T(epsilon<T>));
+    }
 }
 
 }  // namespace math

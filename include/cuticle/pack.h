@@ -24,12 +24,11 @@
 namespace cuticle {
 namespace detail {
 
-// Lanes of a chunk: the largest power of two that divides N and fits 32 bytes. Wider vectors are slow where they exist
-// at all; 1 is the scalar itself.
-template <class T, int N> constexpr int chunk_width() {
+// Lanes of a chunk: the largest power of two that divides N and fits so many bytes; 1 is the scalar itself.
+template <class T, int N, int Bytes> constexpr int chunk_width() {
     int width = 1;
     if (CUTICLE_NATIVE_PACK && std::is_arithmetic_v<T>)
-        while (N % (2 * width) == 0 && 2 * width * int(sizeof(T)) <= 32) width *= 2;
+        while (N % (2 * width) == 0 && 2 * width * int(sizeof(T)) <= Bytes) width *= 2;
     return width;
 }
 
@@ -51,6 +50,7 @@ template <int Width> struct NativeChunk {
 CUTICLE_CHUNK(float, Single, 2)
 CUTICLE_CHUNK(float, Single, 4)
 CUTICLE_CHUNK(float, Single, 8)
+CUTICLE_CHUNK(float, Single, 16)
 CUTICLE_CHUNK(double, Double, 2)
 CUTICLE_CHUNK(double, Double, 4)
 #undef CUTICLE_CHUNK
@@ -67,16 +67,33 @@ template <int First, class V, int... I> CUTICLE_INLINE auto half_chunk(const V &
 
 }  // namespace detail
 
-template <class T, int N> struct Pack {
-    static constexpr int width = detail::chunk_width<T, N>(), chunks = N / width;
+template <int N> struct PackIndex;
+
+// B: bytes of its widest vectors. 32 suits lobes side by side, which are joined, halved and summed.
+template <class T, int N, int B = 32> struct Pack {
+    static constexpr int width = detail::chunk_width<T, N, B>(), chunks = N / width;
     using Chunk = typename detail::Chunk<T, width>::type;
     Chunk v[chunks];
 
     Pack() = default;
-    CUTICLE_INLINE explicit Pack(T x) { fill(x); }  // by value: device code may not refer to a constant
+    // A number by value: device code may not refer to a constant.
+    CUTICLE_INLINE explicit Pack(std::conditional_t<std::is_arithmetic_v<T>, T, const T &> x) { fill(x); }
     template <class S, class = std::enable_if_t<std::is_arithmetic_v<S> && !std::is_same_v<S, T>>>
     CUTICLE_INLINE explicit Pack(S x) {
         fill(T(x));
+    }
+    CUTICLE_INLINE explicit Pack(const PackIndex<N> &x) {
+#if CUTICLE_NATIVE_PACK
+        if constexpr (std::is_same_v<T, float> && width > 1) {
+            for (int i = 0; i < chunks; ++i) {
+                typename detail::NativeChunk<width>::Integer n;
+                std::memcpy(&n, x.v + i * width, sizeof n);
+                v[i] = __builtin_convertvector(n, Chunk);
+            }
+            return;
+        }
+#endif
+        for (int i = 0; i < N; ++i) set(i, T(x.v[i]));
     }
     CUTICLE_INLINE void fill(const T &x) {
         for (Chunk &c : v)
@@ -93,15 +110,62 @@ template <class T, int N> struct Pack {
     }
 };
 
-template <class T, int N> struct PackMask {
-    typename detail::Chunk<T, Pack<T, N>::width>::Mask m[Pack<T, N>::chunks];
+template <class T, int N, int B> struct PackMask {
+    typename detail::Chunk<T, Pack<T, N, B>::width>::Mask m[Pack<T, N, B>::chunks];
 };
 
-#define CUTICLE_PACK_BINARY(op)                                                                                 \
-    template <class T, int N> CUTICLE_INLINE Pack<T, N> operator op(const Pack<T, N> &a, const Pack<T, N> &b) { \
-        Pack<T, N> r;                                                                                           \
-        for (int i = 0; i < Pack<T, N>::chunks; ++i) r.v[i] = a.v[i] op b.v[i];                                 \
-        return r;                                                                                               \
+template <class T, int N, int B> inline constexpr bool is_pack<Pack<T, N, B>> = true;
+
+// Integers side by side: where lanes read a table.
+template <int N> struct PackIndex {
+    std::int32_t v[N];
+
+    PackIndex() = default;
+    CUTICLE_INLINE explicit PackIndex(int x) {
+        for (std::int32_t &i : v) i = x;
+    }
+};
+
+// As a type of its own: what each lane does on its own.
+template <class T, int N, int B> struct ArrayTraits<Pack<T, N, B>> {
+    using Scalar = scalar_t<T>;
+    using Index = PackIndex<N>;
+    static CUTICLE_INLINE Index to_index(const Pack<T, N, B> &x) {
+        Index r;
+#if CUTICLE_NATIVE_PACK
+        if constexpr (std::is_same_v<T, float> && Pack<T, N, B>::width > 1) {
+            constexpr int width = Pack<T, N, B>::width;
+            for (int i = 0; i < Pack<T, N, B>::chunks; ++i) {
+                const auto n = __builtin_convertvector(x.v[i], typename detail::NativeChunk<width>::Integer);
+                std::memcpy(r.v + i * width, &n, sizeof n);
+            }
+            return r;
+        }
+#endif
+        for (int i = 0; i < N; ++i) r.v[i] = static_cast<std::int32_t>(x[i]);
+        return r;
+    }
+    template <class Memory> static CUTICLE_INLINE Pack<T, N, B> gather(const Memory &memory, const Index &index) {
+        Pack<T, N, B> r;
+        for (int i = 0; i < N; ++i) r.set(i, T(memory[index.v[i]]));
+        return r;
+    }
+    static CUTICLE_INLINE bool any(const PackMask<T, N, B> &mask) {
+        bool found = false;
+        for (const auto &chunk : mask.m)
+            if constexpr (Pack<T, N, B>::width > 1)
+                for (int i = 0; i < Pack<T, N, B>::width; ++i) found |= chunk[i] != 0;
+            else found |= ArrayTraits<T>::any(chunk);
+        return found;
+    }
+};
+
+#define CUTICLE_PACK_BINARY(op)                                                                \
+    template <class T, int N, int B>                                                           \
+    CUTICLE_INLINE Pack<T, N, B> operator op(const Pack<T, N, B> &a, const Pack<T, N, B> &b) { \
+        Pack<T, N, B> r;                                                                       \
+        for (int i = 0; i < Pack<T, N, B>::chunks; ++i) r.v[i] = a.v[i] op b.v[i];             \
+        return r;                                                                              \
     }
 CUTICLE_PACK_BINARY(+)
 CUTICLE_PACK_BINARY(-)
@@ -109,23 +173,28 @@ CUTICLE_PACK_BINARY(*)
 CUTICLE_PACK_BINARY(/)
 #undef CUTICLE_PACK_BINARY
 
-#define CUTICLE_PACK_COMPARE(op)                                                                                    \
-    template <class T, int N> CUTICLE_INLINE PackMask<T, N> operator op(const Pack<T, N> &a, const Pack<T, N> &b) { \
-        PackMask<T, N> r;                                                                                           \
-        for (int i = 0; i < Pack<T, N>::chunks; ++i) r.m[i] = a.v[i] op b.v[i];                                     \
-        return r;                                                                                                   \
+#define CUTICLE_PACK_COMPARE(op)                                                                   \
+    template <class T, int N, int B>                                                               \
+    CUTICLE_INLINE PackMask<T, N, B> operator op(const Pack<T, N, B> &a, const Pack<T, N, B> &b) { \
+        PackMask<T, N, B> r;                                                                       \
+        for (int i = 0; i < Pack<T, N, B>::chunks; ++i) r.m[i] = a.v[i] op b.v[i];                 \
+        return r;                                                                                  \
     }
 CUTICLE_PACK_COMPARE(<)
 CUTICLE_PACK_COMPARE(>)
+CUTICLE_PACK_COMPARE(<=)
+CUTICLE_PACK_COMPARE(>=)
 #undef CUTICLE_PACK_COMPARE
 
-template <class T, int N> CUTICLE_INLINE Pack<T, N> operator-(const Pack<T, N> &a) { return Pack<T, N>(T(0)) - a; }
+template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> operator-(const Pack<T, N, B> &a) {
+    return Pack<T, N, B>(T(0)) - a;
+}
 
-template <class T, int N>
-CUTICLE_INLINE Pack<T, N> select(const PackMask<T, N> &mask, const Pack<T, N> &a, const Pack<T, N> &b) {
-    Pack<T, N> r;
-    for (int i = 0; i < Pack<T, N>::chunks; ++i)
-        if constexpr (Pack<T, N>::width > 1) r.v[i] = mask.m[i] ? a.v[i] : b.v[i];
+template <class T, int N, int B>
+CUTICLE_INLINE Pack<T, N, B> select(const PackMask<T, N, B> &mask, const Pack<T, N, B> &a, const Pack<T, N, B> &b) {
+    Pack<T, N, B> r;
+    for (int i = 0; i < Pack<T, N, B>::chunks; ++i)
+        if constexpr (Pack<T, N, B>::width > 1) r.v[i] = mask.m[i] ? a.v[i] : b.v[i];
         else r.v[i] = select(mask.m[i], a.v[i], b.v[i]);
     return r;
 }
@@ -139,10 +208,10 @@ template <class T, int N> CUTICLE_INLINE Pack<T, N> load_pack(const T *data) {
 }
 
 // Two packs as one of twice the length, and its first (Part 0) or second half again.
-template <class T, int N> CUTICLE_INLINE Pack<T, 2 * N> join(const Pack<T, N> &a, const Pack<T, N> &b) {
-    using From = Pack<T, N>;
-    Pack<T, 2 * N> r;
-    if constexpr (Pack<T, 2 * N>::width == From::width) {
+template <class T, int N, int B> CUTICLE_INLINE Pack<T, 2 * N, B> join(const Pack<T, N, B> &a, const Pack<T, N, B> &b) {
+    using From = Pack<T, N, B>;
+    Pack<T, 2 * N, B> r;
+    if constexpr (Pack<T, 2 * N, B>::width == From::width) {
         for (int i = 0; i < From::chunks; ++i) {
             r.v[i] = a.v[i];
             r.v[From::chunks + i] = b.v[i];
@@ -159,10 +228,10 @@ template <class T, int N> CUTICLE_INLINE Pack<T, 2 * N> join(const Pack<T, N> &a
     }
     return r;
 }
-template <int Part, class T, int N> CUTICLE_INLINE Pack<T, N / 2> half(const Pack<T, N> &a) {
-    using To = Pack<T, N / 2>;
+template <int Part, class T, int N, int B> CUTICLE_INLINE Pack<T, N / 2, B> half(const Pack<T, N, B> &a) {
+    using To = Pack<T, N / 2, B>;
     To r;
-    if constexpr (To::width == Pack<T, N>::width) {
+    if constexpr (To::width == Pack<T, N, B>::width) {
         for (int i = 0; i < To::chunks; ++i) r.v[i] = a.v[Part * To::chunks + i];
 #if CUTICLE_NATIVE_SHUFFLE
     } else if constexpr (To::width > 1 && To::chunks == 1) {
@@ -175,7 +244,7 @@ template <int Part, class T, int N> CUTICLE_INLINE Pack<T, N / 2> half(const Pac
 }
 
 // By halves, which shortens the wait for the last addition.
-template <class T, int N> CUTICLE_INLINE T sum(const Pack<T, N> &a) {
+template <class T, int N, int B> CUTICLE_INLINE T sum(const Pack<T, N, B> &a) {
     if constexpr (N == 1) {
         return a[0];
     } else if constexpr (N % 2 == 0) {
@@ -185,38 +254,6 @@ template <class T, int N> CUTICLE_INLINE T sum(const Pack<T, N> &a) {
         for (int i = 1; i < N; ++i) total = total + a[i];
         return total;
     }
-}
-
-// Found from cuticle::math by argument-dependent lookup, as an array type's own functions are.
-template <int N> CUTICLE_INLINE Pack<float, N> round_power(const Pack<float, N> &t, Pack<float, N> &rounded) {
-    Pack<float, N> power;
-    for (int i = 0; i < Pack<float, N>::chunks; ++i) {
-#if CUTICLE_NATIVE_PACK
-        if constexpr (Pack<float, N>::width > 1) {
-            using Float = typename Pack<float, N>::Chunk;
-            using Integer = typename detail::NativeChunk<Pack<float, N>::width>::Integer;
-            const Integer n = __builtin_convertvector(t.v[i] - .5f, Integer);
-            rounded.v[i] = __builtin_convertvector(n, Float);
-            const Integer bits = (n + 127) << 23;
-            std::memcpy(&power.v[i], &bits, sizeof bits);
-        } else
-#endif
-            power.v[i] = math::round_power(t.v[i], rounded.v[i]);
-    }
-    return power;
-}
-
-template <class T, int N> CUTICLE_INLINE Pack<T, N> decay(const Pack<T, N> &x) {
-    if constexpr (std::is_same_v<T, float> && CUTICLE_NATIVE_PACK) return math::decay_single(x);
-    Pack<T, N> r;
-    for (int i = 0; i < N; ++i) r.set(i, math::decay(x[i]));
-    return r;
-}
-template <class T, int N> CUTICLE_INLINE Pack<T, N> erf(const Pack<T, N> &x) {
-    if constexpr (std::is_same_v<T, float> && CUTICLE_NATIVE_PACK) return math::erf_single(x);
-    Pack<T, N> r;
-    for (int i = 0; i < N; ++i) r.set(i, math::erf(x[i]));
-    return r;
 }
 
 }  // namespace cuticle

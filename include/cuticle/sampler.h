@@ -40,8 +40,8 @@ template <class Float> struct TablePosition {
 };
 
 template <class Float, class Scalar, int K, class Memory>
-CUTICLE_HD TablePosition<Float> locate(const LobeTable<Scalar, K, Memory> &table, const Float &theta_r,
-                                       const Float &strands) {
+CUTICLE_INLINE TablePosition<Float> locate(const LobeTable<Scalar, K, Memory> &table, const Float &theta_r,
+                                           const Float &strands) {
     using Traits = ArrayTraits<Float>;
     using Index = typename Traits::Index;
     const Float last = Float(table.theta_nodes - 1);
@@ -51,13 +51,19 @@ CUTICLE_HD TablePosition<Float> locate(const LobeTable<Scalar, K, Memory> &table
     Index row = Index(0);
     Float lo = Float(table.strands[0]), hi = several ? Float(table.strands[1]) : Float(lo + Float(1));
     auto blend = strands < (from_none ? hi : Float(0));
-    for (int k = 1; k + 1 < table.rows; ++k) {
-        const Float count = Float(table.strands[k]);
-        const auto past = strands >= count;
-        if (!Traits::any(past)) break;  // counts increase
-        row = select(past, Index(k), row);
-        lo = select(past, count, lo);
-        hi = select(past, Float(table.strands[k + 1]), hi);
+    if constexpr (std::is_arithmetic_v<Float>) {  // counts increase; by branches, which do not hold up the loads
+        while (row + 2 < table.rows && strands >= Float(table.strands[row + 1])) ++row;
+        lo = Float(table.strands[row]);
+        if (several) hi = Float(table.strands[row + 1]);
+    } else {
+        for (int k = 1; k + 1 < table.rows; ++k) {
+            const Float count = Float(table.strands[k]);
+            const auto past = strands >= count;
+            if (!Traits::any(past)) break;
+            row = select(past, Index(k), row);
+            lo = select(past, count, lo);
+            hi = select(past, Float(table.strands[k + 1]), hi);
+        }
     }
     // A branch, not a division on the way to every load: counts are whole more often than not.
     Float s = Float(0);
@@ -74,13 +80,13 @@ template <class Float, int K> struct PreparedSampler {
     Float share;   // of `first`; 1 nearly always
     bool blended;  // whether `second` is there at all
 
-    CUTICLE_HD Float pdf(const Float &theta_i, const Float &phi) const {
+    CUTICLE_INLINE Float pdf(const Float &theta_i, const Float &phi) const {
         const Float p = first.pdf(theta_i, phi);
         if (!blended) return p;
         return share * p + (Float(1) - share) * second.pdf(theta_i, phi);
     }
 
-    CUTICLE_HD Sample<Float> sample(const Float &u_lobe, const Float &u_theta, const Float &u_phi) const {
+    CUTICLE_INLINE Sample<Float> sample(const Float &u_lobe, const Float &u_theta, const Float &u_phi) const {
         if (!blended) return first.sample(u_lobe, u_theta, u_phi);
         const auto in_first = u_lobe < share;
         const Float rest = math::max(Float(Float(1) - share), Float(smallest<Float>));
@@ -118,45 +124,90 @@ CUTICLE_INLINE LobeValues<Float, K> interpolate_theta(const LobeTable<Scalar, K,
                                     load<Float, 2 * K>(table.nodes, Index(i + Index(lobe_sigma_theta * K)))};
     };
     const Index first = (row * Index(table.theta_nodes) + at.node) * Index(size);
+    if constexpr (is_pack<Float> && std::is_same_v<Memory, const scalar_t<Float> *>) {
+        LobeValues<Float, K> out;
+        if (interpolate_lanes(table.nodes, first, at.t, out)) return out;
+    }
     return node(first).mix(at.t, node(Index(first + Index(size))));
 }
 
+// The lobes' parameters where no two rows' densities are mixed: on a row, the usual case, nothing else is touched.
 template <class Float, class Scalar, int K, class Memory>
-CUTICLE_HD PreparedSampler<Float, K> prepare(const LobeTable<Scalar, K, Memory> &table, const Float &theta_r,
-                                             const Float &strands) {
+CUTICLE_INLINE LobeValues<Float, K> values_at(const LobeTable<Scalar, K, Memory> &table, const TablePosition<Float> &at) {
     using Traits = ArrayTraits<Float>;
     using Index = typename Traits::Index;
-    const TablePosition<Float> at = locate<Float>(table, theta_r, strands);
-    PreparedSampler<Float, K> out;
-    out.share = Float(1);
-    out.blended = false;
-    const auto set = [&](Lobes<Float, K> &to, const LobeValues<Float, K> &from) {
-        to.set(from.weight, from.mean, from.sigma, table.even);
-    };
-    // On a row, the usual case, nothing else is touched: the parameters never leave the registers.
     const bool on_lower = !Traits::any(at.s > Float(0)), on_upper = !Traits::any(at.s < Float(1));
-    if (table.rows == 1 || on_lower || on_upper) {
-        set(out.first, interpolate_theta(table, on_upper ? Index(at.row + Index(1)) : at.row, at));
-        return out;
-    }
+    const Index next = Index(at.row + Index(1));
+    const LobeValues<Float, K> values = interpolate_theta(table, on_upper ? next : at.row, at);
+    if (table.rows == 1 || on_lower || on_upper) return values;
+    return values.mix(at.s, interpolate_theta(table, next, at));
+}
+
+template <class Float, class Scalar, int K, class Memory>
+CUTICLE_INLINE Lobes<Float, K> lobes_at(const LobeTable<Scalar, K, Memory> &table, const TablePosition<Float> &at) {
+    const LobeValues<Float, K> values = values_at(table, at);
+    Lobes<Float, K> lobes;
+    lobes.set(values.weight, values.mean, values.sigma, table.even);
+    return lobes;
+}
+
+// Whether any lane lies between no strands and the first count.
+template <class Float, class Scalar, int K, class Memory>
+CUTICLE_INLINE bool is_blended(const LobeTable<Scalar, K, Memory> &table, const TablePosition<Float> &at) {
+    using Traits = ArrayTraits<Float>;
+    return table.rows > 1 && Traits::any(at.s > Float(0)) && Traits::any(at.s < Float(1)) && table.strands[0] == Scalar(0) &&
+           Traits::any(at.blend);
+}
+
+template <class Float, class Scalar, int K, class Memory>
+CUTICLE_HD PreparedSampler<Float, K> prepare_blended(const LobeTable<Scalar, K, Memory> &table,
+                                                     const TablePosition<Float> &at) {
+    using Traits = ArrayTraits<Float>;
+    using Index = typename Traits::Index;
     const LobeValues<Float, K> lower = interpolate_theta(table, at.row, at);
     const LobeValues<Float, K> upper = interpolate_theta(table, Index(at.row + Index(1)), at);
-    const bool blend = table.strands[0] == Scalar(0) && Traits::any(at.blend);
-    if (!blend) {
-        set(out.first, lower.mix(at.s, upper));
-        return out;
-    }
     const Index e = at.row * Index(table.theta_nodes) + at.node, g = e + Index(table.theta_nodes);
     const auto energy = [&](const Index &i) {
         const Float a = Traits::gather(table.energy, i), b = Traits::gather(table.energy, Index(i + Index(1)));
         return Float(a + at.t * (b - a));
     };
     const Float e0 = (Float(1) - at.s) * energy(e), e1 = at.s * energy(g);
+    const LobeValues<Float, K> first = lower.mix(select(at.blend, Float(0), at.s), upper);
+    PreparedSampler<Float, K> out;
     out.share = select(at.blend, Float(e0 / (e0 + e1)), Float(1));
     out.blended = Traits::any(out.share < Float(1));
-    set(out.first, lower.mix(select(at.blend, Float(0), at.s), upper));
-    set(out.second, upper);
+    out.first.set(first.weight, first.mean, first.sigma, table.even);
+    out.second.set(upper.weight, upper.mean, upper.sigma, table.even);
     return out;
+}
+
+template <class Float, class Scalar, int K, class Memory>
+CUTICLE_INLINE PreparedSampler<Float, K> prepare(const LobeTable<Scalar, K, Memory> &table, const Float &theta_r,
+                                                 const Float &strands) {
+    const TablePosition<Float> at = locate<Float>(table, theta_r, strands);
+    if (is_blended(table, at)) return prepare_blended(table, at);
+    PreparedSampler<Float, K> out;
+    out.first = lobes_at(table, at);
+    out.share = Float(1);
+    out.blended = false;
+    return out;
+}
+
+// One direction a shading point, without anything passing through memory: pdf and sample of a prepared sampler.
+template <class Float, class Scalar, int K, class Memory>
+CUTICLE_INLINE Float pdf(const LobeTable<Scalar, K, Memory> &table, const Float &theta_i, const Float &theta_r,
+                         const Float &phi, const Float &strands) {
+    const TablePosition<Float> at = locate<Float>(table, theta_r, strands);
+    if (is_blended(table, at)) return prepare_blended(table, at).pdf(theta_i, phi);
+    return lobes_at(table, at).pdf(theta_i, phi);
+}
+
+template <class Float, class Scalar, int K, class Memory>
+CUTICLE_INLINE Sample<Float> sample(const LobeTable<Scalar, K, Memory> &table, const Float &theta_r, const Float &u_lobe,
+                                    const Float &u_theta, const Float &u_phi, const Float &strands) {
+    const TablePosition<Float> at = locate<Float>(table, theta_r, strands);
+    if (is_blended(table, at)) return prepare_blended(table, at).sample(u_lobe, u_theta, u_phi);
+    return lobes_at(table, at).sample(u_lobe, u_theta, u_phi);
 }
 
 }  // namespace cuticle

@@ -168,7 +168,7 @@ def environment() -> jinja2.Environment:
 
 
 def _cpp(sampler: Sampler, tables: ModelTables | None, frame: Frame, name: str, about: list[str], *, cuda: bool) -> Export:
-    roots = ["angles.h", "sampler.h"] + (["dual_scattering.h"] if tables is not None else [])
+    roots = ["angles.h", "batch.h"] + (["dual_scattering.h"] if tables is not None else [])
     nodes = sampler.padded_nodes.astype(np.float32)
     energy = sampler.energy.astype(np.float32)
     text = environment().get_template("sampler.h.j2").render(

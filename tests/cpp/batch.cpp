@@ -1,0 +1,79 @@
+// The sampler over arrays gives what it gives one by one: every number of lobes, counts on, between and beyond rows, a
+// ragged end, and nothing written past it.
+#include "cuticle/cuticle.h"
+
+#include <cmath>
+#include <cstdio>
+#include <random>
+#include <vector>
+
+namespace {
+
+template <class Float, int K> int compare(bool even, bool each, std::mt19937 &rng) {
+    constexpr int nodes = 9;
+    const std::vector<Float> strands{0, 1, 4};
+    const auto uniform = [&](double lo, double hi) { return Float(std::uniform_real_distribution<double>(lo, hi)(rng)); };
+    std::vector<Float> table, energy;
+    for (std::size_t i = 0; i < strands.size() * nodes; ++i) {
+        Float parameter[5][K], total = 0;
+        for (int k = 0; k < K; ++k) {
+            total += parameter[0][k] = uniform(.1, 1);
+            parameter[1][k] = uniform(-1.6, 1.6);
+            parameter[2][k] = even ? uniform(-.1, 3.2) : uniform(-6, 6);
+            parameter[3][k] = uniform(.15, 1);
+            parameter[4][k] = uniform(.15, 2);
+        }
+        for (int k = 0; k < K; ++k) parameter[0][k] /= total;
+        for (auto &row : parameter) table.insert(table.end(), row, row + K);
+        energy.push_back(uniform(.1, 1));
+    }
+    const cuticle::LobeTable<Float, K> view{table.data(), energy.data(), strands.data(), 3, nodes, even};
+
+    const std::size_t count = 1003;
+    std::vector<Float> ti(count), tr(count), ph(count), n(count), u(count), v(count), w(count);
+    std::vector<Float> p(count + 1, Float(-7)), a(p), b(p), q(p);
+    for (std::size_t i = 0; i < count; ++i) {
+        ti[i] = uniform(-1.57, 1.57);
+        tr[i] = uniform(-1.57, 1.57);
+        ph[i] = uniform(-6, 6);
+        n[i] = each ? (i / 64 % 2 ? uniform(0, 6) : Float(i / 128 % 5)) : Float(4);
+        u[i] = uniform(0, 1);
+        v[i] = uniform(.001, .999);
+        w[i] = uniform(.001, .999);
+    }
+    cuticle::pdf_batch(view, count, ti.data(), tr.data(), ph.data(), n.data(), each, p.data());
+    cuticle::sample_batch(view, count, tr.data(), u.data(), v.data(), w.data(), n.data(), each, a.data(), b.data(),
+                          q.data());
+    const Float relative = std::is_same_v<Float, float> ? Float(2e-4) : Float(1e-9), radians = relative;
+    int wrong = 0, other = 0;
+    for (std::size_t i = 0; i < count; ++i) {
+        const Float single = cuticle::pdf(view, ti[i], tr[i], ph[i], n[i]);
+        wrong += !(std::abs(p[i] - single) <= relative * single);
+        const auto s = cuticle::sample(view, tr[i], u[i], v[i], w[i], n[i]);
+        const bool same =
+            std::abs(a[i] - s.theta_i) <= radians && std::abs(cuticle::math::nearest_turn(Float(b[i] - s.phi))) <= radians;
+        other += !same;  // a u on the border between two lobes may choose either
+        wrong += !(std::abs(q[i] - cuticle::pdf(view, a[i], tr[i], b[i], n[i])) <= relative * q[i]);
+    }
+    wrong += other > 2;
+    for (const auto &out : {p, a, b, q}) wrong += out[count] != Float(-7);
+    if (wrong)
+        std::printf("%d lobes, even %d, each %d, %zu bytes: %d wrong, %d other\n", K, even, each, sizeof(Float), wrong,
+                    other);
+    return wrong;
+}
+
+template <class Float> int all() {
+    std::mt19937 rng(3);
+    int wrong = 0;
+    for (const bool even : {true, false})
+        for (const bool each : {true, false}) {
+            wrong += compare<Float, 1>(even, each, rng) + compare<Float, 4>(even, each, rng);
+            if (std::is_same_v<Float, float>) wrong += compare<Float, 8>(even, each, rng);
+        }
+    return wrong;
+}
+
+}  // namespace
+
+int main() { return all<float>() + all<double>() == 0 ? 0 : 1; }
