@@ -27,6 +27,7 @@ format: $(VENV)/.installed-lint
 
 bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/bench.py
+	$(BIN)/python benchmarks/alternatives.py --picture docs/images/benchmark.png
 
 $(BIN)/python:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10) and "cuticle needs Python 3.10 or newer; set PYTHON=python3.12, say")'
@@ -38,16 +39,18 @@ $(VENV)/.installed: $(NATIVE) | $(BIN)/python
 	$(PIP) install --config-settings=cmake.define.CUTICLE_NATIVE=ON -e '.[mitsuba]'
 	@touch $@
 
-# The report is opened in a browser: Debian's is installed where that can be done, else the test says why it is skipped.
-BROWSER := chromium chromium-driver fonts-dejavu-core
+# Pages are opened in a browser and shaders validated: Debian's tools are installed where that can be done, else the tests say
+# why they are skipped.
+TOOLS := chromium chromium-driver fonts-dejavu-core glslang-tools clang
 $(VENV)/.installed-test: $(VENV)/.installed
 	$(PIP) install 'hypothesis>=6' 'karellen-llvm-core>=19' 'pytest>=8' 'selenium>=4.20'
-	@if command -v chromium >/dev/null && command -v chromedriver >/dev/null; then :; \
+	@if command -v chromium >/dev/null && command -v chromedriver >/dev/null && command -v glslangValidator >/dev/null \
+		&& command -v clang++ >/dev/null; then :; \
 	elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
-		echo "installing $(BROWSER) for the report's test"; \
-		{ apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $(BROWSER); } \
-			>/dev/null 2>&1 || echo "could not install a browser: the report's browser test will be skipped"; \
-	else echo "no chromium here: the report's browser test will be skipped"; fi
+		echo "installing $(TOOLS) for the tests"; \
+		{ apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $(TOOLS); } \
+			>/dev/null 2>&1 || echo "could not install all of $(TOOLS): tests that need them will be skipped"; \
+	else echo "some of $(TOOLS) are not here: tests that need them will be skipped"; fi
 	@touch $@
 
 $(VENV)/.installed-lint: $(VENV)/.installed
@@ -59,8 +62,9 @@ docs: demo
 	cp out/demo/densities.png docs/images/densities.png
 	$(BIN)/python docs/build.py
 
-# The rendered pictures: a quarter of an hour, and $CUTICLE_DATA with a groom.
-pictures: $(VENV)/.installed
+# The rendered pictures: a quarter of an hour, and $CUTICLE_DATA with a groom; and the page's, with Chromium.
+pictures: $(VENV)/.installed-test
+	$(BIN)/python docs/screenshot.py
 	$(BIN)/python docs/pictures.py
 
 clean:

@@ -201,9 +201,10 @@ def picture(results: list[dict[str, object]], path: Path) -> None:
         right.bar(x, heights, width * 0.92, color=shades[j], label=result["name"])
     right.set_xticks(np.arange(len(names)), names)
     right.set_ylabel("perfect samples, for the time of one path", color=ink)
-    right.set_ylim(0, 1)
+    right.set_ylim(0, 1.22)
+    right.set_yticks(np.arange(0, 1.01, 0.2))
     right.set_title(f"Efficiency with a path of {PATH_COST:g} kernels a sample", color=ink, fontsize=11)
-    right.legend(facecolor=paper, edgecolor="#2b3440", labelcolor=ink, fontsize=8, ncols=2, loc="upper left")
+    right.legend(facecolor=paper, edgecolor="#2b3440", labelcolor=ink, fontsize=8, ncols=4, loc="upper center")
     for axes in (left, right):
         axes.set_facecolor(paper)
         axes.tick_params(colors=ink)

@@ -65,7 +65,7 @@ void add_sampler(std::vector<Case> &cases, const std::string &label, const Table
                      [=, &in] {
                          float sum = 0;
                          for (int i = 0; i < inputs; ++i)
-                             sum += cuticle::prepare(table, in.theta_r[i], strands).pdf(in.theta_i[i], in.phi[i]);
+                             sum += cuticle::pdf(table, in.theta_i[i], in.theta_r[i], in.phi[i], strands);
                          return sum;
                      },
                      {}});
@@ -73,8 +73,7 @@ void add_sampler(std::vector<Case> &cases, const std::string &label, const Table
                      [=, &in] {
                          float sum = 0;
                          for (int i = 0; i < inputs; ++i) {
-                             const auto s =
-                                 cuticle::prepare(table, in.theta_r[i], strands).sample(in.u0[i], in.u1[i], in.u2[i]);
+                             const auto s = cuticle::sample(table, in.theta_r[i], in.u0[i], in.u1[i], in.u2[i], strands);
                              sum += s.theta_i + s.phi + s.pdf;
                          }
                          return sum;
@@ -205,8 +204,7 @@ int main(int argc, char **argv) {
                                                  four->rows,         four->theta_nodes,   four->even};
         const auto work = [&](std::size_t begin, std::size_t end) {
             for (std::size_t i = begin; i < end; ++i) {
-                const auto s =
-                    cuticle::prepare(table, viewers[i], 2.f).sample(random[3 * i], random[3 * i + 1], random[3 * i + 2]);
+                const auto s = cuticle::sample(table, viewers[i], random[3 * i], random[3 * i + 1], random[3 * i + 2], 2.f);
                 result[i] = s.theta_i;
                 result[bulk + i] = s.phi;
                 result[2 * bulk + i] = s.pdf;

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import cuticle
+from browser import whole_page
 from cuticle.document import Document
 from cuticle.report.page import LIMIT, number, write_report
 
@@ -169,15 +170,9 @@ def visit(driver: Any, url: str) -> tuple[list[str], list[str]]:
 
 def shoot(driver: Any, name: str, width: int) -> Path:
     """Keep a picture of the whole page at a width."""
-    driver.execute_cdp_cmd(
-        "Emulation.setDeviceMetricsOverride", {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 600}
-    )
-    size = driver.execute_cdp_cmd("Page.getLayoutMetrics", {})["cssContentSize"]
-    clip = {"x": 0, "y": 0, "width": width, "height": size["height"], "scale": 1}
-    shot = driver.execute_cdp_cmd("Page.captureScreenshot", {"captureBeyondViewport": True, "clip": clip})
     SHOTS.mkdir(parents=True, exist_ok=True)
     path = SHOTS / f"{name}.png"
-    path.write_bytes(base64.b64decode(shot["data"]))
+    path.write_bytes(whole_page(driver, width))
     return path
 
 

@@ -1,8 +1,9 @@
 // The sampler over arrays, in single and double precision.
-#include "cuticle/sampler.h"
 #include "arrays.h"
 #include "bindings.h"
+#include "cuticle/batch.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdint>
@@ -79,14 +80,51 @@ template <class Float, int K> struct Table {
         });
     }
 
+    // Whether vectors of directions pay: where every direction has a viewer or a count of its own.
+    static bool in_lanes(const In<Float> &theta_r, const In<Float> &n) {
+        return std::is_same_v<Float, float> && (theta_r.size() > 1 || n.size() > 1);
+    }
+    // body(begin, count) for blocks that fit the cache.
+    static constexpr std::size_t block = 256;
+    template <class Body> static void blocks(std::size_t count, const Body &body) {
+        parallel_for(count, 4 * block, [&](std::size_t begin, std::size_t end) {
+            for (std::size_t i = begin; i < end; i += block) body(i, std::min(block, end - i));
+        });
+    }
+
     void pdf(const In<Float> &theta_i, const In<Float> &theta_r, const In<Float> &phi, const In<Float> &n,
              Out<Float> out) const {
         const auto ti = broadcast(theta_i), ph = broadcast(phi);
+        if (in_lanes(theta_r, n)) {
+            const auto tr = broadcast(theta_r), ns = broadcast(n);
+            blocks(out.size(), [&](std::size_t begin, std::size_t count) {
+                Float x[4][block];
+                for (std::size_t i = 0; i < count; ++i) {
+                    const std::size_t j = begin + i;
+                    x[0][i] = ti[j], x[1][i] = tr[j], x[2][i] = ph[j], x[3][i] = ns[j];
+                }
+                cuticle::pdf_batch(view, count, x[0], x[1], x[2], x[3], true, out.data() + begin);
+            });
+            return;
+        }
         each(out.size(), theta_r, n, [&](std::size_t i, const auto &s) { out.data()[i] = s.pdf(ti[i], ph[i]); });
     }
 
     void sample(const In<Float> &theta_r, const In<Float> &u, const In<Float> &n, Out<Float> theta_i, Out<Float> phi,
                 Out<Float> p) const {
+        if (in_lanes(theta_r, n)) {
+            const auto tr = broadcast(theta_r), ns = broadcast(n);
+            blocks(p.size(), [&](std::size_t begin, std::size_t count) {
+                Float x[5][block];
+                for (std::size_t i = 0; i < count; ++i) {
+                    const Float *r = u.data() + 3 * (begin + i);
+                    x[0][i] = tr[begin + i], x[1][i] = r[0], x[2][i] = r[1], x[3][i] = r[2], x[4][i] = ns[begin + i];
+                }
+                cuticle::sample_batch(view, count, x[0], x[1], x[2], x[3], x[4], true, theta_i.data() + begin,
+                                      phi.data() + begin, p.data() + begin);
+            });
+            return;
+        }
         each(p.size(), theta_r, n, [&](std::size_t i, const auto &s) {
             const Float *r = u.data() + 3 * i;
             const auto drawn = s.sample(r[0], r[1], r[2]);
@@ -101,7 +139,7 @@ template <class Float, int K> struct Table {
         const std::size_t count = theta_r.size();
         return nanoseconds(count, [&](std::size_t i) {
             const Float *r = u.data() + 3 * i;
-            const auto s = cuticle::prepare(view, theta_r.data()[i], n).sample(r[0], r[1], r[2]);
+            const auto s = cuticle::sample(view, theta_r.data()[i], r[0], r[1], r[2], n);
             return s.theta_i + s.phi + s.pdf;
         });
     }

@@ -14,7 +14,8 @@ int main(int argc, char **argv) {
         REAL x[7];
         for (int i = 0; i < 7; ++i) x[i] = REAL(row[i]);
         const auto s = fibre::sample(x[1], x[4], x[5], x[6], x[3]);
-        const double result[] = {double(fibre::pdf(x[0], x[1], x[2], x[3])), double(s.theta_i), double(s.phi), double(s.pdf)};
+        const double result[] = {double(fibre::pdf(x[0], x[1], x[2], x[3])), double(s.theta_i), double(s.phi),
+                                 double(s.pdf)};
         std::fwrite(result, sizeof result, 1, out);
     }
     std::fclose(in);

@@ -1,0 +1,160 @@
+"""The examples: built as their texts say, and what the renderers' pages ask to paste, compiled against stand-ins and run."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cuticle
+from cuticle.export import export
+from cuticle.headers import cmake_dir
+
+ROOT = Path(__file__).parents[1]
+COMPILE = ["-std=c++17", "-O2", "-Wall", "-Wextra", "-Werror"]
+
+
+@pytest.fixture(scope="module")
+def brown() -> cuticle.Sampler:
+    return cuticle.fit(cuticle.DualScattering(cuticle.Fibre.preset("brown")), 4, strands=(0, 1, 2, 4, 8)).sampler
+
+
+def compiler() -> str:
+    found = shutil.which("g++") or shutil.which("c++")
+    if found is None:
+        pytest.skip("no C++ compiler on the path")
+    return found
+
+
+def block(page: str, language: str) -> str:
+    """The one block of a language in a page of examples."""
+    blocks = re.findall(rf"```{language}\n(.*?)```", (ROOT / "examples" / page).read_text(encoding="utf-8"), re.DOTALL)
+    assert len(blocks) == 1
+    return str(blocks[0])
+
+
+def run(command: list[str], folder: Path) -> str:
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_the_program_tests_its_own_samples(brown: cuticle.Sampler, tmp_path: Path) -> None:
+    shutil.copy(ROOT / "examples/cpp/main.cpp", tmp_path)
+    text = export(brown, "cpp", name="brown").text
+    (tmp_path / "brown.h").write_text(text)
+    run([compiler(), *COMPILE, "main.cpp", "-o", "main"], tmp_path)
+    assert "samples fall as the pdf says" in run(["./main"], tmp_path)
+    # And it would say so if they did not: lobes 5 % narrower in the pdf than in the samples.
+    wrong = text.replace("squared = z * z;", "squared = z * z * Both(1.1);")
+    assert wrong != text
+    (tmp_path / "brown.h").write_text(wrong)
+    run([compiler(), *COMPILE, "main.cpp", "-o", "main"], tmp_path)
+    done = subprocess.run(["./main"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "does not match" in done.stdout
+
+
+@pytest.mark.parametrize("installed", ["by pip", "by cmake --install"])
+def test_a_cmake_project_finds_the_headers(installed: str, tmp_path: Path) -> None:
+    cmake = shutil.which("cmake")
+    if cmake is None:
+        pytest.skip("cmake is not installed")
+    compiler()
+    prefix = cmake_dir()
+    if installed != "by pip":
+        run([cmake, "-S", str(ROOT), "-B", str(tmp_path / "own")], tmp_path)
+        run([cmake, "--install", str(tmp_path / "own"), "--prefix", str(tmp_path / "prefix")], tmp_path)
+        prefix = tmp_path / "prefix"
+    run(
+        [cmake, "-S", str(ROOT / "examples/cmake"), "-B", str(tmp_path / "build"), f"-DCMAKE_PREFIX_PATH={prefix}"], tmp_path
+    )
+    run([cmake, "--build", str(tmp_path / "build")], tmp_path)
+    assert "integral 1.000" in run([str(tmp_path / "build/lobes")], tmp_path)
+
+
+def expected(brown: cuticle.Sampler, w_r: np.ndarray, u: tuple[float, float, float]) -> tuple[np.ndarray, float, np.ndarray]:
+    """Direction, pdf and f cos of a sample in a frame whose first axis is the strand."""
+    theta_r, phi_r = np.arcsin(w_r[0]), np.arctan2(w_r[2], w_r[1])
+    theta_i, phi, p = (float(x) for x in brown.sample(theta_r, u, 0))
+    w_i = [np.sin(theta_i), np.cos(theta_i) * np.cos(phi_r + phi), np.cos(theta_i) * np.sin(phi_r + phi)]
+    f = cuticle.DualScattering(cuticle.Fibre.preset("brown")).eval(theta_i, theta_r, phi) * np.cos(theta_i)
+    return np.array(w_i), p, f
+
+
+def test_pbrt(brown: cuticle.Sampler, tmp_path: Path) -> None:
+    (tmp_path / "pbrt").mkdir()
+    (tmp_path / "pbrt/brown.h").write_text(export(brown, "cpp", frame="pbrt", name="brown", with_model=True).text)
+    (tmp_path / "main.cpp").write_text(
+        f'#include "{ROOT / "tests/hosts/pbrt.h"}"\n{block("pbrt.md", "cpp")}\n#include <cstdio>\n'
+        "int main() {\n"
+        "    const BrownHairBxDF hair{SampledWavelengths{}};\n"
+        "    const Vector3f wo(.6f, .48f, .64f);\n"
+        "    const auto s = hair.Sample_f(wo, .3f, {.4f, .6f}, TransportMode::Radiance, BxDFReflTransFlags::All);\n"
+        '    std::printf("%.8g %.8g %.8g %.8g ", s->wi.x, s->wi.y, s->wi.z, s->pdf);\n'
+        '    std::printf("%.8g ", hair.PDF(wo, s->wi, TransportMode::Radiance, BxDFReflTransFlags::All));\n'
+        '    for (float v : s->f.values) std::printf("%.8g ", v * AbsCosTheta(s->wi));\n'
+        "}\n"
+    )
+    flags = [*COMPILE, "-Wno-unused-parameter", "-I."]  # as pbrt's own builds have it
+    run([compiler(), *flags, "main.cpp", "-o", "main"], tmp_path)
+    got = np.array(run(["./main"], tmp_path).split(), float)
+    direction, p, f = expected(brown, np.array([0.6, 0.48, 0.64]), (0.3, 0.4, 0.6))
+    np.testing.assert_allclose(got[:3], direction, atol=1e-5)
+    np.testing.assert_allclose(got[3:5], p, rtol=1e-4)
+    np.testing.assert_allclose(got[5:], f, rtol=0.03)  # thinned tables
+
+
+def test_cycles(brown: cuticle.Sampler, tmp_path: Path) -> None:
+    (tmp_path / "kernel/closure").mkdir(parents=True)
+    (tmp_path / "kernel/closure/brown.h").write_text(export(brown, "cpp", name="brown", with_model=True).text)
+    (tmp_path / "main.cpp").write_text(
+        f'#include "{ROOT / "tests/hosts/cycles.h"}"\n{block("cycles.md", "cpp")}\n#include <cstdio>\n'
+        "int main() {\n"
+        "    const ccl::ShaderData sd{ccl::make_float3(.2f, .3f, .932738f), ccl::make_float3(2, 1, 0)};\n"
+        "    ccl::float3 wo, f, X, Y, Z;\n"
+        "    float pdf, again;\n"
+        "    ccl::bsdf_hair_brown_sample(&sd, ccl::make_float3(.4f, .6f, .3f), &f, &wo, &pdf);\n"
+        "    const ccl::float3 g = ccl::bsdf_hair_brown_eval(&sd, wo, &again);\n"
+        "    ccl::strand_frame(&sd, &X, &Y, &Z);\n"
+        '    std::printf("%.8g %.8g %.8g ", dot(sd.wi, X), dot(sd.wi, Y), dot(sd.wi, Z));\n'
+        '    std::printf("%.8g %.8g %.8g ", dot(wo, X), dot(wo, Y), dot(wo, Z));\n'
+        '    std::printf("%.8g %.8g %.8g %.8g %.8g %.8g", pdf, again, f.x, f.y, f.z, g.y);\n'
+        "}\n"
+    )
+    run([compiler(), *COMPILE, "-I.", "main.cpp", "-o", "main"], tmp_path)
+    got = np.array(run(["./main"], tmp_path).split(), float)
+    direction, p, f = expected(brown, got[:3], (0.3, 0.4, 0.6))
+    np.testing.assert_allclose(got[3:6], direction, atol=1e-5)
+    np.testing.assert_allclose(got[6:8], p, rtol=1e-4)
+    np.testing.assert_allclose(got[8:11], f, rtol=0.03)
+    np.testing.assert_allclose(got[11], got[9], rtol=1e-5)
+
+
+@pytest.mark.parametrize("version", ["300 es", "460"])
+def test_glsl(brown: cuticle.Sampler, version: str, tmp_path: Path) -> None:
+    validator = shutil.which("glslangValidator")
+    if validator is None:
+        pytest.skip("glslangValidator is not installed (Debian: apt-get install glslang-tools)")
+    head = f"#version {version}\nprecision highp float;\nlayout(location = 0) out vec4 color;\n"
+    made = export(brown, "glsl", name="brown", with_model=True).text
+    body = "\nvoid main() { Bounce b = scatter(vec3(0, 0, 1), vec3(1, 0, 0), vec3(.2, .3, .4), 0.);\n"
+    body += "  color = vec4(b.throughput, b.pdf) + toward_light(vec3(0, 0, 1), b.direction, vec3(1, 0, 0), 2.); }\n"
+    (tmp_path / "shader.frag").write_text(head + made + block("rtx.md", "glsl") + body)
+    assert "ERROR" not in run([validator, str(tmp_path / "shader.frag")], tmp_path)
+
+
+def test_cuda(brown: cuticle.Sampler, tmp_path: Path) -> None:
+    from conformance.test_conformance import nvcc
+
+    found = nvcc()
+    if found is None:
+        pytest.skip("no nvcc")
+    (tmp_path / "brown.cuh").write_text(export(brown, "cuda", name="brown", with_model=True).text)
+    kernel = "__global__ void f(float3 w, float3 u, float3 *o) { *o = scatter(w, u, 2.f).throughput; }\n"
+    (tmp_path / "main.cu").write_text(block("rtx.md", "cuda") + kernel)
+    run([found, "-std=c++17", "--Werror", "all-warnings", "-c", "main.cu", "-o", "main.o"], tmp_path)
