@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import cuticle
+from conformance.hosts import nvcc
 from cuticle.export import export
 from cuticle.headers import cmake_dir
 
@@ -149,8 +150,6 @@ def test_glsl(brown: cuticle.Sampler, version: str, tmp_path: Path) -> None:
 
 
 def test_cuda(brown: cuticle.Sampler, tmp_path: Path) -> None:
-    from conformance.test_conformance import nvcc
-
     found = nvcc()
     if found is None:
         pytest.skip("no nvcc")

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,6 +13,7 @@ import pytest
 
 import cuticle
 from conformance import replay
+from conformance.hosts import nvcc
 from cuticle.export import export
 
 COUNTS = (0.0, 1.0, 2.0, 4.0, 8.0)
@@ -72,13 +71,6 @@ def test_cpp_alone_in_an_empty_folder(sampler: Any, x: Any, table: Any, compiler
         # The table is single precision, and nothing else.
         assert double.pdf <= 5e-6
         assert double.angle <= 0.01
-
-
-def nvcc() -> str | None:
-    """CUDA's compiler: on the path, or from the package nvidia-cuda-nvcc."""
-    found = shutil.which("nvcc")
-    packaged = sorted(Path(sys.prefix).glob("lib/python*/site-packages/nvidia/cu*/bin/nvcc"))
-    return found or (str(packaged[-1]) if packaged else os.environ.get("CUDACXX"))
 
 
 def test_cuda(sampler: Any, x: Any, table: Any, tmp_path: Path) -> None:
