@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import cuticle
@@ -121,6 +122,32 @@ def test_glsl_in_a_browser(sampler: Any, x: Any, table: Any, browser: Any, tmp_p
     shader = export(fitted, "glsl", name="fibre").text
     got = replay.shaded(browser, shader, x, tmp_path)
     judge(table, replay.compare(f"{name}: GLSL", fitted, x, got, reassociates=True))
+
+
+@pytest.fixture(scope="module", params=[(1, (0.0,)), (3, (0.0, 2.0)), (8, (1.0, 5.0))], ids=["K=1", "K=3", "K=8"])
+def uneven(request: pytest.FixtureRequest) -> cuticle.Sampler:
+    """A table that no fit made: lobes that are not even in phi, in numbers and rows of every kind."""
+    lobes, strands = request.param
+    rng = np.random.default_rng(lobes)
+    nodes = np.empty((len(strands), 7, 5, lobes))
+    nodes[:, :, 0] = rng.dirichlet(np.ones(lobes), nodes.shape[:2])
+    nodes[:, :, 1] = rng.uniform(-1.6, 1.6, nodes[:, :, 1].shape)
+    nodes[:, :, 2] = rng.uniform(-6, 6, nodes[:, :, 2].shape)
+    nodes[:, :, 3:] = rng.uniform(0.2, 2, nodes[:, :, 3:].shape)
+    return cuticle.Sampler(nodes, rng.uniform(0.2, 2, nodes.shape[:2]), strands, even=False)
+
+
+def test_any_table_in_cpp(uneven: cuticle.Sampler, x: Any, table: Any, tmp_path: Path) -> None:
+    if shutil.which("g++") is None:
+        pytest.skip("g++ is not installed")
+    command = ["g++", "-std=c++17", "-O2", *WARNINGS]
+    got = replay.compiled(command, export(uneven, "cpp", name="fibre").text, x, tmp_path)
+    judge(table, replay.compare(f"uneven, {uneven.lobes} lobes: g++ O2, float", uneven, x, got))
+
+
+def test_any_table_in_glsl(uneven: cuticle.Sampler, x: Any, table: Any, browser: Any, tmp_path: Path) -> None:
+    got = replay.shaded(browser, export(uneven, "glsl", name="fibre").text, x, tmp_path)
+    judge(table, replay.compare(f"uneven, {uneven.lobes} lobes: GLSL", uneven, x, got, reassociates=True))
 
 
 # One digit wrong: a coefficient of erf's inverse, of erf, and a node of the table.
