@@ -30,7 +30,10 @@ def main() -> None:
         driver.get(page.as_uri())
         whole_page(driver, 1300)
         time.sleep(3)  # until the samples have come
-        driver.execute_script("cuticle.set({})")  # once more, with everything compiled
+        first = driver.execute_script("return cuticle.result.first")
+        turn = "return cuticle.set({theta: arguments[0]}).milliseconds"
+        times = [driver.execute_script(turn, theta) for theta in (*range(-80, 81, 20), 25)]
+        print(f"first picture after {first:.0f} ms, a turn answered in {min(times):.0f} to {max(times):.0f} ms")
         write_bytes(ROOT / "docs/images/web.png", whole_page(driver, 1300))
         driver.quit()
 

@@ -69,7 +69,7 @@ def shoot(browser: Any, name: str) -> np.ndarray:
 
 
 def test_it_draws_within_a_second(opened: Any) -> None:
-    # 0.7 s of which 0.45 the browser takes to start WebGL, where measured: three times that on a busy machine still passes.
+    # 0.7 s where measured (docs/screenshot.py): three times that on a busy machine still passes.
     assert opened.execute_script("return cuticle.result.first") < 2500
     assert not opened.execute_script("return document.getElementById('fail').textContent")
     box = opened.execute_script(
@@ -105,7 +105,7 @@ def test_it_answers_a_turn_within_a_tenth_of_a_second(opened: Any) -> None:
     for lobes in opened.execute_script("return cuticle.data.lobes"):
         answer(opened, lobes=lobes)  # compiles
         times = [answer(opened, theta=theta, strands=n)["milliseconds"] for theta in range(-80, 81, 20) for n in (0, 0.5, 4)]
-        assert np.median(times) < 250, times  # 40 to 65 where measured; a busy machine is allowed more
+        assert np.median(times) < 250, times  # 22 to 70 where measured; a busy machine is allowed more
 
 
 def test_keyboard_mouse_and_touch(opened: Any) -> None:

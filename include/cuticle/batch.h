@@ -127,7 +127,7 @@ CUTICLE_INLINE bool interpolate_lanes(const T *data, const PackIndex<W> &first, 
     return false;
 }
 
-// Lanes that go side by side: as many floats as two of the widest vectors hold, or one vector of AVX-512; else 1.
+// Lanes that go side by side: eight floats, or the sixteen of a vector of AVX-512.
 #if defined(__AVX512F__)
 template <class T> using BatchLanes = Pack<T, 16, 64>;
 #else
@@ -174,7 +174,9 @@ CUTICLE_INLINE Float mixture_pdf(const LobeValues<Float, K> &values, bool even, 
 template <class Float, int K>
 CUTICLE_INLINE LobeValues<Float, 1> chosen_lobe(const LobeValues<Float, K> &values, const Float &u_lobe) {
     LobeValues<Float, 1> chosen;
-    Float below = values.weight[0], total = sum(values.weight);
+    // Scaled by the sum that is reached in this very order, as in Lobes::choose: never into a lobe of weight 0.
+    Float total = values.weight[0], below = total;
+    for (int k = 1; k < K; ++k) total = total + values.weight[k];
     const Float u = u_lobe * total;
     chosen.weight.set(0, values.weight[0]);
     for (int i = 0; i < 2; ++i) {
@@ -217,19 +219,27 @@ CUTICLE_INLINE Sample<Float> lanes_sample(const LobeTable<scalar_t<Float>, K> &t
 
 }  // namespace detail
 
+namespace detail {
+
+// body(first, how many) for groups that fill the lanes, the last one in part.
+template <class Lanes, class Body> CUTICLE_INLINE void groups(std::size_t count, const Body &body) {
+    constexpr std::size_t width = Lanes::width * Lanes::chunks;
+    for (std::size_t i = 0; i < count; i += width) body(i, static_cast<int>(count - i < width ? count - i : width));
+}
+
+}  // namespace detail
+
 // pdf of `count` directions in 1/sr. Structure of arrays; `strands` is one number for all or, with `each`, an array.
 template <class T, int K>
 void pdf_batch(const LobeTable<T, K> &table, std::size_t count, const T *theta_i, const T *theta_r, const T *phi,
                const T *strands, bool each, T *out) {
     if constexpr (CUTICLE_NATIVE_PACK && std::is_same_v<T, float>) {
         using Lanes = BatchLanes<T>;
-        constexpr std::size_t width = Lanes::width * Lanes::chunks;
-        for (std::size_t i = 0; i < count; i += width) {
-            const int n = count - i < width ? static_cast<int>(count - i) : static_cast<int>(width);
+        detail::groups<Lanes>(count, [&](std::size_t i, int n) {
             const auto get = [&](const T *from) { return detail::read<Lanes>(from + i, n); };
             const Lanes s = each ? get(strands) : Lanes(strands[0]);
             detail::write(detail::lanes_pdf(table, get(theta_i), get(theta_r), get(phi), s), out + i, n);
-        }
+        });
     } else {
         for (std::size_t i = 0; i < count; ++i)
             out[i] = pdf(table, theta_i[i], theta_r[i], phi[i], each ? strands[i] : strands[0]);
@@ -242,16 +252,14 @@ void sample_batch(const LobeTable<T, K> &table, std::size_t count, const T *thet
                   const T *u_phi, const T *strands, bool each, T *theta_i, T *phi, T *density) {
     if constexpr (CUTICLE_NATIVE_PACK && std::is_same_v<T, float>) {
         using Lanes = BatchLanes<T>;
-        constexpr std::size_t width = Lanes::width * Lanes::chunks;
-        for (std::size_t i = 0; i < count; i += width) {
-            const int n = count - i < width ? static_cast<int>(count - i) : static_cast<int>(width);
+        detail::groups<Lanes>(count, [&](std::size_t i, int n) {
             const auto get = [&](const T *from) { return detail::read<Lanes>(from + i, n); };
             const Lanes counts = each ? get(strands) : Lanes(strands[0]);
             const Sample<Lanes> s = detail::lanes_sample(table, get(theta_r), get(u_lobe), get(u_theta), get(u_phi), counts);
             detail::write(s.theta_i, theta_i + i, n);
             detail::write(s.phi, phi + i, n);
             detail::write(s.pdf, density + i, n);
-        }
+        });
     } else {
         for (std::size_t i = 0; i < count; ++i) {
             const Sample<T> s = sample(table, theta_r[i], u_lobe[i], u_theta[i], u_phi[i], each ? strands[i] : strands[0]);

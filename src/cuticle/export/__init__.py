@@ -45,11 +45,14 @@ class Export:
         Single-precision values, four a texel, for the texture that GLSL with a model reads; empty elsewhere.
     table_bytes
         Size of the lobe table in it.
+    model
+        The scattering function's tables, where they are in it.
     """
 
     text: str
     table_bytes: int
     data: bytes = b""
+    model: ModelTables | None = None
 
 
 def export(
@@ -98,7 +101,7 @@ def export(
     True
     """
     validate.choice("to", to, HOSTS)
-    host_frame = check_frame(frame)
+    host_frame = check_frame(frame)  # the parameter hides the function of its name
     check_name(name)
     report = progress or (lambda phase, fraction: None)
     if to == "web":
@@ -106,13 +109,13 @@ def export(
 
         return page(sampler, name=name, progress=report)
     model = model_of(sampler) if with_model else None
-    report("measuring", 0.1)
-    about = describe(sampler)
-    report("tables", 0.6)
+    report("tables", 0.1)
     tables = reduce_tables(model) if model is not None else None
-    report("writing", 0.9)
     if to == "json":
         return _json(sampler, tables)
+    report("measuring", 0.5)
+    about = describe(sampler)
+    report("writing", 0.9)
     if to == "glsl":
         from cuticle.export.glsl import shader
 
@@ -177,7 +180,7 @@ def _cpp(sampler: Sampler, tables: ModelTables | None, frame: Frame, name: str, 
         even=sampler.even, nodes=nodes, energy=energy, model=tables, dual=tables is not None and tables.spread is not None,
         average_limit=AVERAGE_LIMIT, cuda=cuda,
     )  # fmt: skip
-    return Export(text, nodes.nbytes + energy.nbytes)
+    return Export(text, nodes.nbytes + energy.nbytes, model=tables)
 
 
 def _json(sampler: Sampler, tables: ModelTables | None) -> Export:
@@ -207,7 +210,7 @@ def _json(sampler: Sampler, tables: ModelTables | None) -> Export:
             "averages": _rounded(tables.averages),
             "average_limit": AVERAGE_LIMIT,
         }
-    return Export(json.dumps(material, allow_nan=False) + "\n", size)
+    return Export(json.dumps(material, allow_nan=False) + "\n", size, model=tables)
 
 
 def _rounded(table: Any) -> Any:

@@ -72,6 +72,11 @@ def export_command(
     out.print(
         f"wrote {output}{beside}: {len(made.text):,} characters, a table of {made.table_bytes:,} bytes", soft_wrap=True
     )
+    if made.model is not None:
+        out.print(
+            f"the scattering function's tables: {made.model.size:,} bytes, within {100 * made.model.error:.2g} % of ∫ f cos",
+            soft_wrap=True,
+        )
 
 
 def _name_of(output: Path) -> str:

@@ -47,7 +47,7 @@ def shader(
         values |= _model_values(tables)
         data = model_texels(tables).tobytes()
     text = environment().get_template("sampler.glsl.j2").render(values)
-    return Export(text, texels.nbytes + sampler.energy.size * 4, data)
+    return Export(text, texels.nbytes + sampler.energy.size * 4, data, tables)
 
 
 def lobe_texels(sampler: Sampler) -> NDArray[np.float32]:

@@ -42,7 +42,7 @@ class ModelTables:
     @property
     def single(self) -> Marschner:
         """The strand on its own."""
-        return self.model.single if isinstance(self.model, DualScattering) else self.model
+        return _single(self.model)
 
     @property
     def conserving(self) -> bool:
@@ -57,7 +57,7 @@ class ModelTables:
 
 def reduce_tables(model: DualScattering | Marschner, tolerance: float = TOLERANCE) -> ModelTables:
     """Return the smallest of the model's tables, with rows and columns left out, that change f by less than `tolerance`."""
-    columns = model.tables.direct.shape[1] if isinstance(model, Marschner) else model.single.tables.direct.shape[1]
+    columns = _single(model).tables.direct.shape[1]
     across = [s for s in (1, 2, 4, 8, 16, 32) if (columns - 1) % s == 0 and (columns - 1) // s >= 16]
     exact = _values(model, *_thinned(model, 1, 1))
     steps = sorted(
@@ -75,7 +75,7 @@ Tables = tuple[NDArray[np.float32], "NDArray[np.float32] | None", "NDArray[np.fl
 
 
 def _thinned(model: DualScattering | Marschner, row_step: int, column_step: int) -> Tables:
-    single = model.single if isinstance(model, DualScattering) else model
+    single = _single(model)
     thin = slice(None, None, row_step), slice(None, None, column_step)
     direct = single.tables.direct[thin].astype(np.float32)
     if isinstance(model, Marschner):
@@ -87,13 +87,13 @@ def _values(
     model: DualScattering | Marschner, direct: NDArray, spread: NDArray | None, averages: NDArray | None
 ) -> NDArray[np.float64]:
     """Values of f cos at quadrature points, times their weights: shape (cases, points, channels)."""
-    f = model.fibre
+    f, conserving = model.fibre, _single(model).longitudinal == "energy_conserving"
     if spread is None or averages is None:
-        core = _core.Model(f.alpha, f.beta, _conserving(model), direct.astype(float))
+        core = _core.Model(f.alpha, f.beta, conserving, direct.astype(float))
         counts: tuple[float, ...] = (0.0,)
     else:
         tables = direct.astype(float), spread.astype(float), averages.astype(float)
-        core = _core.Model(f.alpha, f.beta, _conserving(model), *tables, AVERAGE_LIMIT, f.d_f, f.d_b)
+        core = _core.Model(f.alpha, f.beta, conserving, *tables, AVERAGE_LIMIT, f.d_f, f.d_b)
         counts = _COUNTS
     theta, weight = gauss_legendre(np.linspace(-np.pi / 2, np.pi / 2, 61), 2)
     phi = (np.arange(360) + 0.5) * np.pi / 360
@@ -108,9 +108,8 @@ def _values(
     return np.array(cases)
 
 
-def _conserving(model: DualScattering | Marschner) -> bool:
-    single = model.single if isinstance(model, DualScattering) else model
-    return single.longitudinal == "energy_conserving"
+def _single(model: DualScattering | Marschner) -> Marschner:
+    return model.single if isinstance(model, DualScattering) else model
 
 
 def _distance(values: NDArray[np.float64], exact: NDArray[np.float64]) -> float:
