@@ -11,7 +11,7 @@ from rich.console import Console
 from scipy.optimize import minimize
 
 from cuticle.console import table
-from cuticle.fibre import EUMELANIN, PHEOMELANIN
+from cuticle.conventions import sigma_a_of_pigment
 from cuticle.render.scene import mitsuba
 
 WAVELENGTHS = np.arange(360, 831, 2.0)
@@ -32,9 +32,9 @@ def main() -> None:
         return np.interp(WAVELENGTHS, [360, *edges, 830], [b, b, g, g, r, r])
 
     hair = {
-        "blond": 0.3 * np.array(EUMELANIN),
-        "brown": 1.3 * np.array(EUMELANIN),
-        "red": np.array(PHEOMELANIN),
+        "blond": sigma_a_of_pigment(0.3),
+        "brown": sigma_a_of_pigment(1.3),
+        "red": sigma_a_of_pigment(0, 1),
     }
 
     def error(edges: np.ndarray) -> float:

@@ -1,17 +1,21 @@
 // The azimuthal functions N_p(theta_d, phi), by quadrature over the offset h, one table row a theta_d.
 //
-// N_p(phi) = ½ ∫ A(p, h) D(phi - phi_p(h)) dh, D a wrapped normal of deviation beta_N (d'Eon 2011). Each cell of h
+// N_p(phi) = ½ ∫ A(p, h) D(phi - phi_p(h)) dh, D a wrapped normal of deviation beta_N (d'Eon 2011) or a logistic distribution
+// cut off at ±pi (Chiang 2016). Each cell of h
 // spreads its energy evenly over the azimuths between its two edges, which is exact for a straight phi_p(h) and
 // has no aliasing as beta_N -> 0; the smoothing by D is one convolution of the row.
 #ifndef CUTICLE_AZIMUTHAL_H
 #define CUTICLE_AZIMUTHAL_H
 
+#include "cuticle/logistic.h"
 #include "cuticle/longitudinal.h"
 #include "cuticle/optics.h"
 
 namespace cuticle {
 
 constexpr int lobe_count = 3;  // R, TT, TRT
+
+enum class Azimuthal { normal, logistic };  // D
 
 // Adds `mass` spread evenly over [a, b] radians to `bins` bins of the full circle, bin m centred at m 2pi/bins.
 template <class Float> void deposit(Float a, Float b, Float mass, Float *circle, int bins) {
@@ -25,11 +29,11 @@ template <class Float> void deposit(Float a, Float b, Float mass, Float *circle,
     }
 }
 
-// One lobe's row for one absorption: out[j] = N_p at phi = j pi / n, j = 0 … n, per radian; n even.
+// One lobe's row for one absorption: out[j] = N_p at phi = j pi / n, j = 0 … n, per radian; n even. `beta_n` is D's deviation.
 // `circle` and `kernel` are scratch, of 4 n and of 2 n.
 template <class Float>
-void azimuthal_row(int p, Float theta_d, Float eta, Float sigma_a, Float beta_n, bool closed, int n, int offsets,
-                   Float *circle, Float *kernel, Float *out) {
+void azimuthal_row(int p, Float theta_d, Float eta, Float sigma_a, Azimuthal form, Float beta_n, bool closed, int n,
+                   int offsets, Float *circle, Float *kernel, Float *out) {
     const int bins = 2 * n;
     const Float step = Float(2) * pi<Float> / Float(bins);
     const Float cos_d = math::cos(theta_d), sin_d = math::sin(theta_d);
@@ -56,8 +60,11 @@ void azimuthal_row(int p, Float theta_d, Float eta, Float sigma_a, Float beta_n,
     for (int m = 0; m < bins; ++m) {
         const Float x = step * Float(m < n ? m : m - bins);
         kernel[m] = Float(0);
-        for (int turn = -3; turn <= 3; ++turn)
-            kernel[m] += gaussian(Float(x + Float(2) * pi<Float> * Float(turn)), variance);
+        if (form == Azimuthal::logistic)
+            kernel[m] = trimmed_logistic(x, Float(math::sqrt(Float(3 * variance)) / pi<Float>));  // deviation s pi/√3
+        else
+            for (int turn = -3; turn <= 3; ++turn)
+                kernel[m] += gaussian(Float(x + Float(2) * pi<Float> * Float(turn)), variance);
         total += kernel[m];
     }
     int reach = 1;

@@ -64,7 +64,7 @@ CUTICLE_HD void marschner_around(const FibreLobes<Scalar> &fibre, const Azimutha
                                  const AzimuthalTerms<Float> *terms, const Float &theta_i, const Float &theta_r,
                                  const Float &phi, Float *f) {
     const Bilinear<Float> at = locate(table, azimuthal_inclination(fibre.form, theta_i, theta_r), phi);
-    for (int c = 0; c < table.channels; ++c) f[c] = add_rows(Float(0), table, terms[c], direct_rows, at, c);
+    for (int c = 0; c < table.channels; ++c) f[c] = add_rows(terms[c].constant, table, terms[c], direct_rows, at, c);
 }
 
 }  // namespace cuticle

@@ -39,9 +39,9 @@ CUTICLE_HD CrossSection<Float> cross_section(const Float &gamma_i, const Float &
             Float(2) * cos_gamma_t / math::sqrt(Float(Float(1) - sin_theta_t * sin_theta_t))};
 }
 
-// Attenuation A(p, h) of lobe p (0 R, 1 TT, 2 TRT) for absorption sigma_a per radius.
-// With `closed` the orders p >= 3 are folded into TRT, A / (1 - F T), so that the lobes sum to 1 where
-// nothing is absorbed; Marschner 2003 and d'Eon 2011 drop them.
+// Attenuation A(p, h) of lobe p (0 R, 1 TT, 2 TRT) for absorption sigma_a per radius; 3 is the sum of all orders past TRT.
+// With `closed` those are folded into TRT, A / (1 - F T), so that the lobes sum to 1 where nothing is absorbed;
+// Marschner 2003 and d'Eon 2011 drop them, Chiang 2016 gives them a lobe of their own.
 template <class Float>
 CUTICLE_HD Float attenuation(int p, const CrossSection<Float> &ray, const Float &sigma_a, bool closed) {
     const Float f = ray.fresnel;
@@ -49,7 +49,10 @@ CUTICLE_HD Float attenuation(int p, const CrossSection<Float> &ray, const Float 
     const Float t = math::decay(Float(-sigma_a * ray.chord));
     const Float tt = (Float(1) - f) * (Float(1) - f) * t;
     if (p == 1) return tt;
-    return tt * f * t / (closed ? math::max(Float(Float(1) - f * t), Float(1e-9)) : Float(1));
+    const Float trt = tt * f * t;
+    if (p == 2 && !closed) return trt;
+    const Float all = trt / math::max(Float(Float(1) - f * t), Float(1e-9));
+    return p == 2 ? all : Float(all * f * t);
 }
 
 // Azimuth phi_p(h) = 2 p gamma_t - 2 gamma_i + p pi at which lobe p leaves (unwrapped).

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from cuticle import densities, presets
+from cuticle import conventions, densities, presets
 from cuticle.check import Report, check
+from cuticle.chiang import Chiang, ChiangNear
 from cuticle.combine import combine
 from cuticle.distribution import Distribution, tabulate
 from cuticle.document import Document, document
@@ -12,11 +13,14 @@ from cuticle.fit import Fit, fit
 from cuticle.models import Averages, Bcsdf, DualScattering, Marschner
 from cuticle.quality import Quality, measure
 from cuticle.sampler import Sample, Sampler
+from cuticle.sources import Tabulated, from_callable, from_mitsuba
 from cuticle.version import __version__
 
 __all__ = [
     "Averages",
     "Bcsdf",
+    "Chiang",
+    "ChiangNear",
     "Distribution",
     "Document",
     "DualScattering",
@@ -27,12 +31,16 @@ __all__ = [
     "Report",
     "Sample",
     "Sampler",
+    "Tabulated",
     "__version__",
     "check",
     "combine",
+    "conventions",
     "densities",
     "document",
     "fit",
+    "from_callable",
+    "from_mitsuba",
     "measure",
     "presets",
     "tabulate",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
@@ -12,20 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
-from cuticle import validate
-from cuticle.files import read_text, write_text
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
+from cuticle import conventions, validate
+from cuticle.files import read_text, read_toml, toml_table, write_text
 
 LOBES = ("R", "TT", "TRT")
-EUMELANIN = (0.419, 0.697, 1.37)
-PHEOMELANIN = (0.187, 0.4, 1.05)
 
-# name: (low, high, unit, remedy, open at the low end)
-_RANGES: dict[str, tuple[float, float, str, str, bool]] = {
+_RANGES: validate.Ranges = {
     "alpha_R": (-45, 45, "degrees", "published fibres have -10 to -5", False),
     "alpha_TT": (-45, 45, "degrees", "leave it out for -alpha_R / 2", False),
     "alpha_TRT": (-45, 45, "degrees", "leave it out for -3 alpha_R / 2", False),
@@ -123,8 +114,7 @@ class Fibre(BaseModel):
         """Absorption per radius, one value a channel, whether given directly or as pigment."""
         if self.sigma_a is not None:
             return self.sigma_a
-        eu, pheo = self.eumelanin or 0.0, self.pheomelanin or 0.0
-        return tuple(eu * e + pheo * p for e, p in zip(EUMELANIN, PHEOMELANIN, strict=True))
+        return tuple(conventions.sigma_a_of_pigment(self.eumelanin or 0.0, self.pheomelanin or 0.0).tolist())
 
     @property
     def channels(self) -> int:
@@ -151,19 +141,7 @@ class Fibre(BaseModel):
     @classmethod
     def from_toml(cls, text: str, *, source: str = "TOML") -> Fibre:
         """Read a fibre from TOML text with one table, [fibre]; `source` names it in errors."""
-        try:
-            document = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
-            raise ValueError(f"{source} is not valid TOML: {error}") from None
-        table = document.get("fibre")
-        if not isinstance(table, dict) or set(document) != {"fibre"}:
-            raise ValueError(
-                f"{source} must hold one table, [fibre], got {sorted(document) or 'nothing'}; see `cuticle fibres --toml`"
-            )
-        try:
-            return cls(**table)
-        except (TypeError, ValueError) as error:
-            raise ValueError(f"{source}: {error}") from None
+        return read_toml(text, "fibre", lambda table: cls(**table), source=source, remedy="see `cuticle fibres --toml`")
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Fibre:
@@ -172,14 +150,7 @@ class Fibre(BaseModel):
 
     def to_toml(self) -> str:
         """Return the fibre as TOML text that `from_toml` reads back to an equal value."""
-        lines = ["[fibre]"]
-        for name, value in self.model_dump(exclude_none=True).items():
-            if isinstance(value, tuple):
-                text = f"[{', '.join(repr(float(v)) for v in value)}]"
-            else:
-                text = f'"{value}"' if isinstance(value, str) else repr(float(value))
-            lines.append(f"{name} = {text}")
-        return "\n".join(lines) + "\n"
+        return toml_table("fibre", self.model_dump(exclude_none=True))
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the fibre to a TOML file, whole or not at all."""
@@ -191,22 +162,12 @@ def _checked(values: Mapping[str, Any]) -> dict[str, Any]:
     unknown = sorted(set(values) - set(Fibre.model_fields))
     if unknown:
         raise ValueError(f"a fibre has no parameter {unknown[0]!r}; it has {', '.join(Fibre.model_fields)}")
-    out = {name: value for name, value in values.items() if value is not None}
-    for name, (low, high, unit, remedy, above) in _RANGES.items():
-        if name in out:
-            out[name] = validate.number(name, out[name], low, high, unit=unit, remedy=remedy, above=above)
+    out = validate.ranges(values, _RANGES)
     pigments = {"eumelanin", "pheomelanin"} & out.keys()
     if "sigma_a" in out:
         if pigments:
             raise ValueError(f"give sigma_a or {' and '.join(sorted(pigments))}, not both")
-        given = out["sigma_a"]
-        channels = given if isinstance(given, (list, tuple, np.ndarray)) else [given]
-        if not 1 <= len(channels) <= 32:
-            raise ValueError(f"sigma_a must have 1 to 32 channels, got {len(channels)}; linear RGB has 3")
-        out["sigma_a"] = tuple(
-            validate.number(f"sigma_a[{i}]" if len(channels) > 1 else "sigma_a", x, 0, 1000, unit="per radius")
-            for i, x in enumerate(channels)
-        )
+        out["sigma_a"] = validate.channel_values("sigma_a", out["sigma_a"], 0, 1000, unit="per radius")
     elif not pigments:
         raise ValueError("a fibre needs its absorption: give sigma_a (per radius) or eumelanin and pheomelanin")
     if "formulation" in out:

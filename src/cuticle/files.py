@@ -3,8 +3,18 @@
 from __future__ import annotations
 
 import os
+import sys
 import tempfile
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any, TypeVar
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+T = TypeVar("T")
 
 
 def read_text(path: str | os.PathLike[str], what: str) -> str:
@@ -39,6 +49,33 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> Path:
             os.unlink(temporary)
         raise ValueError(f"cannot write {target}: {error.strerror or error}") from None
     return target
+
+
+def read_toml(text: str, name: str, make: Callable[[dict[str, Any]], T], *, source: str, remedy: str) -> T:
+    """Return what `make` makes of the one table, [name], that TOML text holds; `source` names it in errors."""
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"{source} is not valid TOML: {error}") from None
+    table = document.get(name)
+    if not isinstance(table, dict) or set(document) != {name}:
+        raise ValueError(f"{source} must hold one table, [{name}], got {sorted(document) or 'nothing'}; {remedy}")
+    try:
+        return make(table)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{source}: {error}") from None
+
+
+def toml_table(name: str, values: Mapping[str, Any]) -> str:
+    """Return numbers, strings and tuples of numbers as TOML text with one table, [name]."""
+    lines = [f"[{name}]"]
+    for key, value in values.items():
+        if isinstance(value, tuple):
+            text = f"[{', '.join(repr(float(v)) for v in value)}]"
+        else:
+            text = f'"{value}"' if isinstance(value, str) else repr(float(value))
+        lines.append(f"{key} = {text}")
+    return "\n".join(lines) + "\n"
 
 
 def writable_directory(path: str | os.PathLike[str], *, make: bool = True) -> Path:

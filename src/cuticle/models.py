@@ -18,8 +18,8 @@ FORMULATIONS = ("exact", "zinke2008")
 LONGITUDINAL = ("gaussian", "energy_conserving")
 LONGITUDINAL_OF = {"exact": "energy_conserving", "zinke2008": "gaussian"}
 
-_ROWS = 181  # azimuthal tables: theta_d in steps of half a degree
-_OFFSETS = 1024  # cells of the quadrature over h >= 0
+ROWS = 181  # azimuthal tables: theta_d in steps of half a degree
+OFFSETS = 1024  # cells of the quadrature over h >= 0
 _AVERAGE_ROWS = 181
 AVERAGE_LIMIT = np.radians(89.5)  # at the pole itself Fresnel's term is 1 and nothing is ever absorbed
 _AVERAGE_QUADRATURE = 1440
@@ -70,28 +70,34 @@ class Averages(NamedTuple):
 
 
 @lru_cache(maxsize=16)
-def _azimuthal_tables(eta: float, sigma_a: tuple[float, ...], beta_n: float, closed: bool) -> AzimuthalTables:
-    # Eight columns a standard deviation over the half circle; even, as the half-turn average needs.
-    columns = int(np.clip(8 * np.pi / beta_n / 2, 128, 8192)) * 2 + 1
-    direct = np.empty((_ROWS, columns, len(LOBES), len(sigma_a)))
+def azimuthal_tables(
+    eta: float, sigma_a: tuple[float, ...], beta_n: float, closed: bool, logistic: bool = False
+) -> AzimuthalTables:
+    """Tabulate N_p of a fibre; `beta_n` is the deviation of a wrapped normal or a trimmed logistic distribution, radians."""
+    # Eight columns a standard deviation over the half circle, twice as many for a logistic's sharper top; even, as the
+    # half-turn average needs.
+    columns = int(np.clip((16 if logistic else 8) * np.pi / beta_n / 2, 128, 8192)) * 2 + 1
+    direct = np.empty((ROWS, columns, len(LOBES), len(sigma_a)))
     spread = np.empty_like(direct)
-    halves = np.empty((_ROWS, len(LOBES), len(sigma_a), 2))
-    _core.azimuthal_tables(eta, np.array(sigma_a), beta_n, closed, _OFFSETS, direct, spread, halves)
+    halves = np.empty((ROWS, len(LOBES), len(sigma_a), 2))
+    _core.azimuthal_tables(eta, np.array(sigma_a), logistic, beta_n, closed, OFFSETS, direct, spread, halves)
     for table in (direct, spread, halves):
         table.setflags(write=False)
     return AzimuthalTables(direct, spread, halves)
 
 
-def _lobe_mask(lobes: str | Iterable[str] | None, known: tuple[str, ...]) -> int:
+def lobe_mask(lobes: str | Iterable[str] | None, known: tuple[str, ...]) -> int:
+    """Return the bits of the lobes asked for, out of those that a model knows; all for None."""
     if lobes is None:
         return (1 << len(known)) - 1
     names = [lobes] if isinstance(lobes, str) else list(lobes)
     return sum({1 << known.index(validate.choice("lobes", name, known)) for name in names})
 
 
-def _evaluate(
+def evaluate_core(
     core: _core.Model, channels: int, mask: int, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike, strands: float
 ) -> NDArray[np.float64]:
+    """Return f of the core's model over angles that broadcast, last axis = channels, or raise ValueError."""
     ti = validate.angles("theta_i", theta_i, validate.HALF_PI, np.float64)
     tr = validate.angles("theta_r", theta_r, validate.HALF_PI, np.float64)
     ph = validate.angles("phi", phi, 4 * np.pi, np.float64)
@@ -138,7 +144,7 @@ class Marschner:
     def tables(self) -> AzimuthalTables:
         """The azimuthal tables, shared by models of one fibre."""
         f = self.fibre
-        return _azimuthal_tables(f.eta, f.absorption, float(np.radians(f.beta_N)), self._conserving)
+        return azimuthal_tables(f.eta, f.absorption, float(np.radians(f.beta_N)), self._conserving)
 
     @property
     def _conserving(self) -> bool:
@@ -177,7 +183,7 @@ class Marschner:
         >>> model.eval([0.1, 0.2], 0.0, 3.0).shape
         (2, 3)
         """
-        return _evaluate(self._core, self.channels, _lobe_mask(lobes, LOBES), theta_i, theta_r, phi, 0.0)
+        return evaluate_core(self._core, self.channels, lobe_mask(lobes, LOBES), theta_i, theta_r, phi, 0.0)
 
 
 @dataclass(frozen=True)
@@ -263,8 +269,8 @@ class DualScattering:
         self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike, *, lobes: str | Iterable[str] | None = None
     ) -> NDArray[np.float64]:
         """Return f in 1/sr, without a cosine; as `Marschner.eval`, with "back" a fourth part to ask for."""
-        mask = _lobe_mask(lobes, PARTS)
-        return _evaluate(self._core, self.channels, mask, theta_i, theta_r, phi, self.strands)
+        mask = lobe_mask(lobes, PARTS)
+        return evaluate_core(self._core, self.channels, mask, theta_i, theta_r, phi, self.strands)
 
 
 def _check_fibre(fibre: object) -> None:

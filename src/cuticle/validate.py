@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -14,6 +14,7 @@ from cuticle import _core
 
 HALF_PI = math.pi / 2
 MAX_STRANDS = 1e4
+Ranges = Mapping[str, tuple[float, float, str, str, bool]]  # name: low, high, unit, remedy, open at the low end
 RADIANS = "angles are in radians: np.radians(...) converts degrees"
 
 
@@ -27,6 +28,26 @@ def number(
     if not (low < x if above else low <= x) or not x <= high:
         raise ValueError(_outside(name, x, low, high, unit=unit, remedy=remedy, above=above))
     return x
+
+
+def ranges(values: Mapping[str, Any], allowed: Ranges) -> dict[str, Any]:
+    """Return `values` less those that are None, each number that `allowed` names checked against its range."""
+    out = {name: value for name, value in values.items() if value is not None}
+    for name, (low, high, unit, remedy, above) in allowed.items():
+        if name in out:
+            out[name] = number(name, out[name], low, high, unit=unit, remedy=remedy, above=above)
+    return out
+
+
+def channel_values(name: str, given: Any, low: float, high: float, *, unit: str = "", remedy: str = "") -> tuple[float, ...]:
+    """Return one value a channel, 1 to 32 of them, each in [low, high]; a number is one channel."""
+    channels = given if isinstance(given, (list, tuple, np.ndarray)) else [given]
+    if not 1 <= len(channels) <= 32:
+        raise ValueError(f"{name} must have 1 to 32 channels, got {len(channels)}; linear RGB has 3")
+    return tuple(
+        number(f"{name}[{i}]" if len(channels) > 1 else name, x, low, high, unit=unit, remedy=remedy)
+        for i, x in enumerate(channels)
+    )
 
 
 def integer(name: str, value: Any, low: int, high: int, *, remedy: str = "") -> int:

@@ -12,21 +12,26 @@ namespace {
 
 using cuticle::lobe_count;
 
+// Of an azimuthal table's row. At the pole itself the normal plane's picture has no meaning: stop a hair short of it.
+double row_inclination(std::size_t i, std::size_t rows) {
+    return std::min(cuticle::half_pi<double> * double(i) / double(rows - 1), 1.5690);
+}
+
 // direct, spread: (rows, columns, lobe_count, channels); halves: (rows, lobe_count, channels, 2).
-void azimuthal_tables(double eta, const In<double> &sigma_a, double beta_n, bool closed, int offsets, Out<double> direct,
-                      Out<double> spread, Out<double> halves) {
+void azimuthal_tables(double eta, const In<double> &sigma_a, bool logistic, double beta_n, bool closed, int offsets,
+                      Out<double> direct, Out<double> spread, Out<double> halves) {
+    const auto form = logistic ? cuticle::Azimuthal::logistic : cuticle::Azimuthal::normal;
     const auto rows = direct.shape(0), columns = direct.shape(1), channels = sigma_a.size();
     const int n = static_cast<int>(columns) - 1;
     parallel_for(rows, 1, [&](std::size_t begin, std::size_t end) {
         std::vector<double> circle(4 * columns), kernel(2 * columns), row(columns), wide(columns);
         for (std::size_t i = begin; i < end; ++i) {
-            // At the pole itself the normal plane's picture has no meaning: stop a hair short of it.
-            const double theta_d = std::min(cuticle::half_pi<double> * double(i) / double(rows - 1), 1.5690);
+            const double theta_d = row_inclination(i, rows);
             for (int p = 0; p < lobe_count; ++p)
                 for (std::size_t c = 0; c < channels; ++c) {
                     if (p > 0 || c == 0) {  // R does not see the absorption
-                        cuticle::azimuthal_row(p, theta_d, eta, sigma_a.data()[c], beta_n, closed, n, offsets, circle.data(),
-                                               kernel.data(), row.data());
+                        cuticle::azimuthal_row(p, theta_d, eta, sigma_a.data()[c], form, beta_n, closed, n, offsets,
+                                               circle.data(), kernel.data(), row.data());
                         cuticle::spread_row(row.data(), n, wide.data());
                     }
                     for (std::size_t j = 0; j < columns; ++j) {
@@ -39,6 +44,24 @@ void azimuthal_tables(double eta, const In<double> &sigma_a, double beta_n, bool
                     out[0] = h.forward;
                     out[1] = h.backward;
                 }
+        }
+    });
+}
+
+// Energy of all orders past TRT, averaged over h; out: (rows, channels).
+void rest_energies(double eta, const In<double> &sigma_a, int offsets, Out<double> out) {
+    const auto rows = out.shape(0), channels = out.shape(1);
+    parallel_for(rows, 8, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t i = begin; i < end; ++i) {
+            const double theta_d = row_inclination(i, rows), sine = std::sin(theta_d), cosine = std::cos(theta_d);
+            for (std::size_t c = 0; c < channels; ++c) out.data()[i * channels + c] = 0;
+            for (int j = 0; j < offsets; ++j) {  // even in h; h = sin gamma
+                const double step = cuticle::half_pi<double> / offsets, gamma = step * (j + .5);
+                const auto ray = cuticle::cross_section(gamma, sine, cosine, eta);
+                const double dh = std::sin(step * (j + 1)) - std::sin(step * j);
+                for (std::size_t c = 0; c < channels; ++c)
+                    out.data()[i * channels + c] += dh * cuticle::attenuation(3, ray, sigma_a.data()[c], false);
+            }
         }
     });
 }
@@ -92,8 +115,9 @@ nb::tuple backscatter(double a_f, double a_b, double alpha_f, double alpha_b, do
 
 // A model ready to evaluate; it keeps the arrays it was given.
 struct Model {
-    In<double> direct, spread, averages;
+    In<double> direct, spread, averages, rest;
     cuticle::DualScatteringModel<double> model{};
+    double rest_variance = 0;
     bool dual;
 
     Model(const In<double> &alpha, const In<double> &beta, bool energy_conserving, const In<double> &direct_)
@@ -114,6 +138,14 @@ struct Model {
         model.d_b = d_b;
     }
 
+    // Chiang 2016's far field: the orders past TRT, energies (rows, channels), in a lobe of their own.
+    Model(const In<double> &alpha, const In<double> &beta, const In<double> &direct_, const In<double> &rest_,
+          double rest_variance_)
+        : Model(alpha, beta, true, direct_) {
+        rest = rest_;
+        rest_variance = rest_variance_;
+    }
+
     static cuticle::AzimuthalTable<const double *> view(const In<double> &a) {
         return {a.data(), static_cast<int>(a.shape(0)), static_cast<int>(a.shape(1)), static_cast<int>(a.shape(3))};
     }
@@ -124,16 +156,90 @@ struct Model {
         const auto channels = static_cast<std::size_t>(model.direct.channels);
         parallel_for(out.shape(0), 512, [&](std::size_t begin, std::size_t end) {
             std::vector<cuticle::AzimuthalTerms<double>> terms(channels);
+            std::vector<double> energy(channels);
             for (std::size_t i = begin; i < end; ++i) {
                 const double t = ti[i], r = tr[i], count = n[i];
                 if (i == begin || t != ti[i - 1] || r != tr[i - 1] || count != n[i - 1]) {
                     if (dual) cuticle::dual_scattering_terms(model, t, r, count, lobes, terms.data());
                     else cuticle::marschner_terms(model.fibre, t, r, lobes, int(channels), terms.data());
+                    if (rest.size() && (lobes & cuticle::mask_back)) {
+                        const auto rows = rest.shape(0);
+                        const double x = std::abs(r) / cuticle::half_pi<double> * double(rows - 1);
+                        const auto row = std::min(static_cast<std::size_t>(x), rows - 2);
+                        const double *q = rest.data() + row * channels, s = x - double(row);
+                        for (std::size_t c = 0; c < channels; ++c) energy[c] = (1 - s) * q[c] + s * q[channels + c];
+                        cuticle::chiang_far_rest(rest_variance, t, r, energy.data(), int(channels), terms.data());
+                    }
                 }
                 double *f = out.data() + i * channels;
                 if (dual) cuticle::dual_scattering_around(model, terms.data(), t, r, ph[i], count, f);
                 else cuticle::marschner_around(model.fibre, model.direct, terms.data(), t, r, ph[i], f);
             }
+        });
+    }
+};
+
+// Chiang 2016 with h known: one of each argument, or as many as `count`.
+struct ChiangNear {
+    cuticle::ChiangFibre<double> fibre{};
+    std::vector<double> sigma_a, luminance;
+
+    ChiangNear(double eta, double scale, const In<double> &variance, const In<double> &tilt, const In<double> &sigma_a_,
+               const In<double> &luminance_)
+        : sigma_a(sigma_a_.data(), sigma_a_.data() + sigma_a_.size()),
+          luminance(luminance_.data(), luminance_.data() + luminance_.size()) {
+        fibre.eta = eta;
+        fibre.scale = scale;
+        for (int p = 0; p < cuticle::chiang_lobes; ++p) {
+            fibre.variance[p] = variance.data()[p];
+            fibre.tilt[p] = tilt.data()[p];
+        }
+    }
+
+    int channels() const { return static_cast<int>(sigma_a.size()); }
+
+    cuticle::ChiangState<double> state(double theta_r, double h) const {
+        return cuticle::chiang_state(fibre, theta_r, h, sigma_a.data(), luminance.data(), channels());
+    }
+
+    // body(i, state) for each of `count`; a state is kept while theta_r and h stay.
+    template <class Body>
+    void each(std::size_t count, const In<double> &theta_r, const In<double> &h, const Body &body) const {
+        const auto tr = broadcast(theta_r), offset = broadcast(h);
+        parallel_for(count, 512, [&](std::size_t begin, std::size_t end) {
+            cuticle::ChiangState<double> prepared{};
+            for (std::size_t i = begin; i < end; ++i) {
+                if (i == begin || tr[i] != tr[i - 1] || offset[i] != offset[i - 1]) prepared = state(tr[i], offset[i]);
+                body(i, prepared);
+            }
+        });
+    }
+
+    void eval(const In<double> &theta_i, const In<double> &theta_r, const In<double> &phi, const In<double> &h, int lobes,
+              Out<double> out) const {
+        const auto ti = broadcast(theta_i), ph = broadcast(phi);
+        each(out.shape(0), theta_r, h, [&](std::size_t i, const auto &prepared) {
+            cuticle::chiang_eval(fibre, prepared, sigma_a.data(), channels(), lobes, ti[i], ph[i],
+                                 out.data() + i * sigma_a.size());
+        });
+    }
+
+    void pdf(const In<double> &theta_i, const In<double> &theta_r, const In<double> &phi, const In<double> &h,
+             Out<double> out) const {
+        const auto ti = broadcast(theta_i), ph = broadcast(phi);
+        each(out.shape(0), theta_r, h, [&](std::size_t i, const auto &prepared) {
+            out.data()[i] = cuticle::chiang_pdf(fibre, prepared, ti[i], ph[i]);
+        });
+    }
+
+    void sample(const In<double> &theta_r, const In<double> &u, const In<double> &h, Out<double> theta_i, Out<double> phi,
+                Out<double> density) const {
+        each(theta_i.shape(0), theta_r, h, [&](std::size_t i, const auto &prepared) {
+            const double *v = u.data() + 3 * i;
+            const auto s = cuticle::chiang_sample(fibre, prepared, v[0], v[1], v[2]);
+            theta_i.data()[i] = s.theta_i;
+            phi.data()[i] = s.phi;
+            density.data()[i] = s.pdf;
         });
     }
 };
@@ -150,7 +256,14 @@ void bind_models(nb::module_ &m) {
         .def(nb::init<const In<double> &, const In<double> &, bool, const In<double> &>())
         .def(nb::init<const In<double> &, const In<double> &, bool, const In<double> &, const In<double> &,
                       const In<double> &, double, double, double>())
+        .def(nb::init<const In<double> &, const In<double> &, const In<double> &, const In<double> &, double>())
         .def("eval", &Model::eval, release());
+    m.def("rest_energies", &rest_energies, release());
+    nb::class_<ChiangNear>(m, "ChiangNear")
+        .def(nb::init<double, double, const In<double> &, const In<double> &, const In<double> &, const In<double> &>())
+        .def("eval", &ChiangNear::eval, release())
+        .def("pdf", &ChiangNear::pdf, release())
+        .def("sample", &ChiangNear::sample, release());
     m.def("fresnel", [](double cos_i, double eta) { return cuticle::fresnel(cos_i, eta); });
     m.def("i0_scaled", [](double x) { return cuticle::i0_scaled(x); });
 }
