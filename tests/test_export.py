@@ -213,7 +213,7 @@ def test_a_sampler_of_an_unknown_function_goes_without_its_model(document_fit: c
     s = document_fit.sampler
     unknown = cuticle.Sampler(s.nodes, s.energy, s.strands, s.even)
     assert "user's own" in export(unknown, "cpp").text
-    with pytest.raises(ValueError, match="does not say which fibre"):
+    with pytest.raises(ValueError, match="does not say which scattering function"):
         export(unknown, "cpp", with_model=True)
 
 

@@ -189,5 +189,5 @@ def test_without_webgl_it_says_so(browser: Any, page: Path, tmp_path: Path) -> N
 
 def test_an_escaped_name_and_an_unknown_fibre(sampler: cuticle.Sampler) -> None:
     unknown = cuticle.Sampler(sampler.nodes, sampler.energy, sampler.strands, sampler.even)
-    with pytest.raises(ValueError, match="does not say which fibre"):
+    with pytest.raises(ValueError, match="does not say which scattering function"):
         export(unknown, "web")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from cuticle import conventions, densities, presets
+from cuticle.audit import Audit, audit, audit_dump
 from cuticle.check import Report, check
 from cuticle.chiang import Chiang, ChiangNear
 from cuticle.combine import combine
@@ -17,6 +18,7 @@ from cuticle.sources import Tabulated, from_callable, from_mitsuba
 from cuticle.version import __version__
 
 __all__ = [
+    "Audit",
     "Averages",
     "Bcsdf",
     "Chiang",
@@ -33,6 +35,8 @@ __all__ = [
     "Sampler",
     "Tabulated",
     "__version__",
+    "audit",
+    "audit_dump",
     "check",
     "combine",
     "conventions",

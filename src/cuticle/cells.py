@@ -6,14 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from cuticle import _core
+from cuticle.chi_square import chi_square
 from cuticle.lobe_table import SIGMA_PHI, SIGMA_THETA
 from cuticle.sampler import Sampler
 
 CELLS = 40  # along each axis, of like probability
-LEAST_EXPECTED = 10.0  # samples in a cell; smaller cells are pooled
 
 
 class Cells:
@@ -44,7 +43,7 @@ class Cells:
         counts = np.zeros(self.probability.shape, np.int64)
         if _core.histogram(theta, phi, self.theta, self.phi, counts):
             return np.inf, 1, 0.0
-        tests = [_chi_square(counts.sum(axis=a), self.probability.sum(axis=a) * len(theta)) for a in ((), 0, 1)]
+        tests = [chi_square(counts.sum(axis=a), self.probability.sum(axis=a) * len(theta)) for a in ((), 0, 1)]
         return tests[0][0], tests[0][1], min(1.0, 3 * min(p for *_, p in tests))
 
     def turned(self, shift: float) -> NDArray[np.float64]:
@@ -65,23 +64,6 @@ class Cells:
     def distance(self, probability: NDArray[np.float64]) -> float:
         """Return the total variation distance of these cells from other probabilities of them."""
         return 0.5 * float(np.abs(probability - self.probability).sum())
-
-
-def _chi_square(counts: NDArray, expected_counts: NDArray) -> tuple[float, int, float]:
-    expected, observed = expected_counts.ravel(), counts.ravel().astype(np.float64)
-    small = expected < LEAST_EXPECTED
-    kept_e, kept_o = expected[~small], observed[~small]
-    if small.any():
-        rest_e, rest_o = expected[small].sum(), observed[small].sum()
-        if rest_e < LEAST_EXPECTED:  # too few even together: into the smallest cell that counts
-            at = np.argmin(kept_e)
-            kept_e[at] += rest_e
-            kept_o[at] += rest_o
-        else:
-            kept_e, kept_o = np.append(kept_e, rest_e), np.append(kept_o, rest_o)
-    chi2 = float(((kept_o - kept_e) ** 2 / kept_e).sum())
-    dof = len(kept_e) - 1
-    return chi2, dof, float(stats.chi2.sf(chi2, dof)) if dof else 1.0
 
 
 def widened(sampler: Sampler, lobe: int, factor: float) -> Sampler:

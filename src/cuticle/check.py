@@ -17,6 +17,7 @@ from cuticle.models import Bcsdf
 from cuticle.quadrature import gauss_legendre
 from cuticle.quality import Density, measure
 from cuticle.sampler import Sampler
+from cuticle.verdicts import Verdict, plain
 
 DEFAULT_ANGLES = np.radians([-85, -75, -60, -30, 0, 30, 60, 75, 85.0])
 CHANGE = 0.01  # total variation from which on a control has to be caught
@@ -68,18 +69,6 @@ class Control:
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """One claim, whether it holds, the worst value found, its limit and where."""
-
-    name: str
-    passed: bool
-    value: float
-    limit: float
-    where: str
-    meaning: str
-
-
-@dataclass(frozen=True)
 class Report:
     """All cases, controls and verdicts of a check; `ok` if every verdict holds."""
 
@@ -96,7 +85,7 @@ class Report:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report as plain values that JSON can hold (NaN as None)."""
-        return _without_nan({"ok": self.ok, **asdict(self)})
+        return plain({"ok": self.ok, **asdict(self)})
 
     def __repr__(self) -> str:
         lines = [f"Report({'ok' if self.ok else 'FAILED'}: {len(self.cases)} cases of {self.samples:,} samples)"]
@@ -321,15 +310,3 @@ def _verdicts(cases: Sequence[Case], controls: Sequence[Control], each: float, c
     meaning = "samplers broken on purpose are caught at this sample size"
     verdicts.append(Verdict("negative controls", not missed, len(missed), 0, where, meaning))
     return verdicts
-
-
-def _without_nan(value: Any) -> Any:
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, dict):
-        return {k: _without_nan(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_without_nan(v) for v in value]
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value

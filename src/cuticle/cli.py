@@ -1,4 +1,4 @@
-"""The command line: `cuticle fibres`, `fit`, `check`, `document`, `report`; `render` and `export` have their own modules."""
+"""The command line: `fibres`, `fit`, `check`, `document`, `report`; `render`, `export`, `audit` have their own modules."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ import typer
 from rich.console import Console
 
 from cuticle import validate
+from cuticle.audit.command import audit_command
 from cuticle.check import check
+from cuticle.chiang import Chiang
 from cuticle.console import check_tables, document_tables, fit_table, table
 from cuticle.document import Document, Printed, document
 from cuticle.export.command import export_command
@@ -24,11 +26,11 @@ from cuticle.fit import FORMS, OBJECTIVES, Fit, fit
 from cuticle.headers import cmake_dir, include_dir
 from cuticle.lobe_table import MAX_LOBES
 from cuticle.models import DualScattering
-from cuticle.origin import model_of
+from cuticle.origin import model_of, read_model
 from cuticle.presets import PRESETS, read_fibre
 from cuticle.render.command import app as render_app
 from cuticle.sampler import Sampler
-from cuticle.terminal import FibreArgument, JsonOption, err, out, progress_bar
+from cuticle.terminal import FibreArgument, JsonOption, ModelArgument, ParametersArgument, err, out, progress_bar
 from cuticle.version import __version__
 
 app = typer.Typer(
@@ -39,6 +41,7 @@ app = typer.Typer(
 )
 app.add_typer(render_app, name="render")
 app.command("export")(export_command)
+app.command("audit")(audit_command)
 
 
 def _print_and_exit(text: Callable[[], object]) -> Callable[[bool], None]:
@@ -111,13 +114,15 @@ def fibres(
 
 @app.command("fit")
 def fit_command(
-    fibre: FibreArgument,
+    model: ModelArgument,
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for sampler.json, fit.json and fibre.toml.")
+        Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for sampler.json, fit.json and the model's file.")
     ],
+    parameters: ParametersArgument = None,
     strands: Annotated[
-        str, typer.Option(metavar="N,N,…", help="Strand counts toward the light; 0 is direct light.")
-    ] = "0,1,2,4,8",
+        str | None,
+        typer.Option(metavar="N,N,…", help="Strand counts toward the light, 0 is direct light; of a fibre 0,1,2,4,8."),
+    ] = None,
     lobes: Annotated[
         str, typer.Option(metavar="K|auto", help=f"Lobes, 1 to {MAX_LOBES}; auto: as many as pay for themselves.")
     ] = "4",
@@ -126,26 +131,37 @@ def fit_command(
     defensive: Annotated[float, typer.Option(help="Share of the nearly uniform lobe in the document's form.")] = 0.1,
     json_output: JsonOption = False,
 ) -> None:
-    """Fit a sampler to a fibre."""
-    parsed = read_fibre(fibre)
-    counts = read_strands(strands)
+    """Fit a sampler to a fibre, a table of values or a material of Mitsuba."""
     number = _lobes(lobes)
+    counts = None if strands is None else read_strands(strands)
     validate.choice("--form", form, FORMS)
     validate.choice("--objective", objective, OBJECTIVES)
     validate.number("--defensive", defensive, 0, 0.99)
-    model = DualScattering(parsed)
+    with progress_bar(json_output) as progress:
+        parsed = read_model(model, parameters or (), progress=progress)
+    if counts is None and isinstance(parsed, DualScattering):
+        counts = (0.0, 1.0, 2.0, 4.0, 8.0)
     folder = writable_directory(output)
     with progress_bar(json_output) as progress:
-        result = fit(model, number, strands=counts, form=form, objective=objective, defensive=defensive, progress=progress)
+        result = fit(parsed, number, strands=counts, form=form, objective=objective, defensive=defensive, progress=progress)
     result.sampler.save(folder / "sampler.json")
-    parsed.save(folder / "fibre.toml")
+    beside = _save_model(parsed, folder)
     summary = fit_summary(result)
     write_text(folder / "fit.json", json.dumps(summary, indent=2) + "\n")
     if json_output:
         print(json.dumps(summary, indent=2))
         return
     out.print(fit_table(result))
-    out.print(f"wrote {folder / 'sampler.json'}, {folder / 'fit.json'}, {folder / 'fibre.toml'}", soft_wrap=True)
+    out.print(f"wrote {', '.join(str(folder / name) for name in ('sampler.json', 'fit.json', *beside))}", soft_wrap=True)
+
+
+def _save_model(model: Any, folder: Path) -> list[str]:
+    """Write what a model was made of beside its sampler, where it has a file of its own; return the file's name."""
+    if isinstance(model, DualScattering):
+        return [model.fibre.save(folder / "fibre.toml").name]
+    if isinstance(model, Chiang):
+        return [model.save(folder / "chiang.toml").name]
+    return []
 
 
 @app.command("check")
@@ -153,8 +169,9 @@ def check_command(
     sampler: Annotated[
         Path, typer.Argument(metavar="SAMPLER.json", help="A sampler that `cuticle fit` wrote, or its folder.")
     ],
-    fibre: Annotated[
-        str | None, typer.Option(metavar="PRESET|FILE.toml", help="Check against this fibre, not the sampler's own.")
+    model: Annotated[
+        str | None,
+        typer.Option("--model", "--fibre", metavar="PRESET|FILE", help="Check against this one, not the sampler's own."),
     ] = None,
     strands: Annotated[
         str | None, typer.Option(metavar="N,N,…", help="Strand counts; the sampler's own if left out.")
@@ -169,12 +186,12 @@ def check_command(
     """Check a sampler: a table of verdicts, and exit code 1 where one fails."""
     path = sampler / "sampler.json" if sampler.is_dir() else sampler
     loaded = Sampler.from_json(read_text(path, "sampler"), source=str(path))
-    model = model_of(loaded) if fibre is None else DualScattering(read_fibre(fibre))
+    function = model_of(loaded) if model is None else read_model(model)
     counts = None if strands is None else read_strands(strands)
     if output is not None:
         writable_directory(output.parent, make=False)
     with progress_bar(json_output) as progress:
-        report = check(loaded, model, strands=counts, samples=samples, seed=seed, progress=progress)
+        report = check(loaded, function, strands=counts, samples=samples, seed=seed, progress=progress)
     text = json.dumps(report.to_dict(), indent=2, allow_nan=False) + "\n"
     if output is not None:
         write_text(output, text)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from rich.table import Table
 
 from cuticle.check import Report
 from cuticle.fit import Fit
+from cuticle.verdicts import Verdict
 
 
 def table(title: str, caption: str | None = None) -> Table:
@@ -40,14 +42,20 @@ def fit_table(result: Fit) -> Table:
     return grid
 
 
+def verdict_table(title: str, verdicts: Iterable[Verdict]) -> Table:
+    """Return verdicts as a table."""
+    listing = table(title)
+    for column in ("", "claim", "worst", "limit", "where", "what it means"):
+        listing.add_column(column)
+    for v in verdicts:
+        mark = "[green]pass[/]" if v.passed else "[red]FAIL[/]"
+        listing.add_row(mark, v.name, f"{v.value:.2g}", f"{v.limit:.2g}", v.where, v.meaning)
+    return listing
+
+
 def check_tables(report: Report) -> list[Table]:
     """Return the verdicts, the controls and the cases as tables."""
-    verdicts = table(f"Verdicts: {len(report.cases)} cases of {report.samples:,} samples")
-    for column in ("", "claim", "worst", "limit", "where", "what it means"):
-        verdicts.add_column(column)
-    for v in report.verdicts:
-        mark = "[green]pass[/]" if v.passed else "[red]FAIL[/]"
-        verdicts.add_row(mark, v.name, f"{v.value:.2g}", f"{v.limit:.2g}", v.where, v.meaning)
+    verdicts = verdict_table(f"Verdicts: {len(report.cases)} cases of {report.samples:,} samples", report.verdicts)
     cases = table("ESS by viewer and strands, largest weight f·cos/(p ∫ f·cos), TV distance (worst viewer)")
     cases.add_column("strands", justify="right")
     angles = list(dict.fromkeys(c.theta_r for c in report.cases))

@@ -19,6 +19,16 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON for scripts
 FibreArgument = Annotated[
     str, typer.Argument(metavar="PRESET|FILE.toml", help="A preset's name, or a TOML file with a table named fibre.")
 ]
+ModelArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="MODEL",
+        help="A preset, a TOML file with a table named fibre or chiang, a table of values (.npz, .csv), or mitsuba:PLUGIN.",
+    ),
+]
+ParametersArgument = Annotated[
+    list[str] | None, typer.Argument(metavar="KEY=VALUE…", help="Parameters of a Mitsuba plugin.", show_default=False)
+]
 
 
 @contextmanager

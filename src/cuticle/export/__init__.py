@@ -18,7 +18,7 @@ from cuticle.export.literals import single, singles, wrapped
 from cuticle.export.tables import ModelTables, reduce_tables
 from cuticle.fit import MEASURED_AT
 from cuticle.headers import amalgamate
-from cuticle.models import AVERAGE_LIMIT, DualScattering, Marschner
+from cuticle.models import AVERAGE_LIMIT, Bcsdf, DualScattering
 from cuticle.origin import model_of
 from cuticle.quality import measure
 from cuticle.sampler import Sampler
@@ -141,16 +141,11 @@ def check_frame(name: str) -> Frame:
 def describe(sampler: Sampler) -> list[str]:
     """Return lines that say which fibre, which fit and how good it is; measured, where the fibre is known."""
     lines = [f"Made by Cuticle {__version__}: {sampler.lobes} lobes for strand counts {_counts(sampler)}."]
-    fibre = sampler.fibre
-    if fibre is None:
+    try:
+        model = model_of(sampler)
+    except ValueError:
         return [*lines, "Fitted to a scattering function of the user's own; its ESS is not known here."]
-    values = fibre.model_dump(exclude_none=True, exclude_defaults=True, mode="json")
-    text = ", ".join(f"{k} {_plain(v)}" for k, v in values.items())
-    model = model_of(sampler)
-    kind = "strand on its own" if isinstance(model, Marschner) else f"dual scattering, {model.formulation}"
-    lines.append(
-        f"Fibre: {text or 'the defaults'} (degrees, per radius); {kind}; objective {sampler.about.get('objective')}."
-    )
+    lines.append(f"{_of_what(sampler, model)}; objective {sampler.about.get('objective')}.")
     inner = MEASURED_AT[np.abs(MEASURED_AT) <= np.radians(75.01)]
     found = []
     for n in sampler.covers:
@@ -158,6 +153,16 @@ def describe(sampler: Sampler) -> list[str]:
         ess = [measure(sampler, own, float(t), n).ess for t in inner]
         found.append(f"{n:g} strands {np.mean(ess):.4f} ({min(ess):.4f})")
     return [*lines, f"ESS for |theta_r| <= 75 degrees, mean (worst): {', '.join(found)}."]
+
+
+def _of_what(sampler: Sampler, model: Bcsdf) -> str:
+    fibre = sampler.fibre
+    if fibre is None:
+        return f"Scattering function: {model!r}"
+    values = fibre.model_dump(exclude_none=True, exclude_defaults=True, mode="json")
+    text = ", ".join(f"{k} {_plain(v)}" for k, v in values.items())
+    kind = f"dual scattering, {model.formulation}" if isinstance(model, DualScattering) else "strand on its own"
+    return f"Fibre: {text or 'the defaults'} (degrees, per radius); {kind}"
 
 
 def environment() -> jinja2.Environment:

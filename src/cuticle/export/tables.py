@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cuticle import _core
-from cuticle.models import AVERAGE_LIMIT, DualScattering, Marschner
+from cuticle.models import AVERAGE_LIMIT, Bcsdf, DualScattering, Marschner
 from cuticle.quadrature import gauss_legendre
 
 TOLERANCE = 0.01  # of ∫ f cos
@@ -55,8 +55,19 @@ class ModelTables:
         return sum(t.nbytes for t in (self.direct, self.spread, self.averages) if t is not None)
 
 
-def reduce_tables(model: DualScattering | Marschner, tolerance: float = TOLERANCE) -> ModelTables:
-    """Return the smallest of the model's tables, with rows and columns left out, that change f by less than `tolerance`."""
+def reduce_tables(model: Bcsdf, tolerance: float = TOLERANCE) -> ModelTables:
+    """Return the smallest of the model's tables, with rows and columns left out, that change f by less than `tolerance`.
+
+    Raises
+    ------
+    ValueError
+        A model that is not of a `Fibre`: only those can be written so far.
+    """
+    if not isinstance(model, (DualScattering, Marschner)):
+        raise ValueError(
+            f"the scattering function of {type(model).__name__} cannot be written, only that of a fibre; export the sampler"
+            " without it"
+        )
     columns = _single(model).tables.direct.shape[1]
     across = [s for s in (1, 2, 4, 8, 16, 32) if (columns - 1) % s == 0 and (columns - 1) // s >= 16]
     exact = _values(model, *_thinned(model, 1, 1))

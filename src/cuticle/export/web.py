@@ -31,6 +31,7 @@ def page(sampler: Sampler, *, name: str, progress: Callable[[str, float], None])
     """
     model = model_of(sampler)
     tables = reduce_tables(model)
+    channels = tables.model.channels
     samplers = {sampler.lobes: sampler}
     for k in LOBES:
         progress(f"fitting {k} lobes", LOBES.index(k) / len(LOBES))
@@ -42,7 +43,7 @@ def page(sampler: Sampler, *, name: str, progress: Callable[[str, float], None])
     ordered = dict(sorted(samplers.items()))
     frame = FRAMES["local-x"]
     scattering = shader(sampler, tables, frame, "fibre", [], inline=False)
-    luminance = "dot(f, vec3(0.2126, 0.7152, 0.0722))" if model.channels == 3 else f"dot(f, {_ones(model.channels)})"
+    luminance = "dot(f, vec3(0.2126, 0.7152, 0.0722))" if channels == 3 else f"dot(f, {_ones(channels)})"
     data = {
         "width": TEXTURE_WIDTH,
         "even": bool(sampler.even),
@@ -50,7 +51,7 @@ def page(sampler: Sampler, *, name: str, progress: Callable[[str, float], None])
         "lobes": list(ordered),
         "chosen": sampler.lobes,
         "model": scattering.text,
-        "color": _COLOR[model.channels],
+        "color": _COLOR[channels],
         "luminance": luminance,
         "texels": _packed(np.frombuffer(scattering.data, np.float32).reshape(-1, 4)),
         "samplers": {

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from cuticle import validate
-from cuticle.fibre import Fibre
 from cuticle.fit.document import DRAFT, ClosedForm, DocumentFunctions, Term, document_nodes
 from cuticle.fit.document import THETA_NODES as DOCUMENT_NODES
 from cuticle.fit.lobes import END, Points, carry, grow, make_points, node_angles, polish
@@ -18,6 +17,7 @@ from cuticle.fit.result import Candidate, Fit
 from cuticle.fit.target import OBJECTIVES, make_targets
 from cuticle.lobe_table import MAX_LOBES
 from cuticle.models import Bcsdf
+from cuticle.origin import provenance
 from cuticle.quality import measure
 from cuticle.sampler import Sampler
 
@@ -131,10 +131,7 @@ def fit(
     about: dict[str, Any] = {"form": form, "objective": objective, "model": type(model).__name__}
     if form == "document":
         about["functions"] = [line for lines in functions.code() for line in lines]
-    fibre = getattr(model, "fibre", None)
-    if isinstance(fibre, Fibre):
-        about["fibre"] = fibre.model_dump(exclude_none=True, mode="json")
-        about |= {k: getattr(model, k) for k in ("formulation", "longitudinal") if hasattr(model, k)}
+    about |= provenance(model)
     sampler = Sampler(nodes, energy, counts, even, about)
     report("measuring", 0.95)
     quality = [[measure(sampler, with_strands(n), float(t), n) for t in MEASURED_AT] for n in counts]

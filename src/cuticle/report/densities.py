@@ -16,9 +16,10 @@ from cuticle.quality import measure
 from cuticle.sampler import Sampler
 
 VIEWERS = (-85, -60, -30, 0, 30, 60, 85)
-_INK = "#e8e6e3"
-_PAPER = "#14161a"
-_MAP = "magma"
+INK = "#e8e6e3"
+PAPER = "#14161a"
+PALE = "#a9a59e"
+MAP = "magma"
 _HALO = [withStroke(linewidth=2.5, foreground="#00000099")]
 
 
@@ -41,7 +42,7 @@ def densities_figure(
             sampler.strands if len(sampler.strands) < 3 else (sampler.strands[0], sampler.strands[len(sampler.strands) // 2])
         )
     columns, rows = len(viewers), 2 * len(strands)
-    figure = Figure(figsize=(1.72 * columns + 1.1, 1.62 * rows + 1.25), facecolor=_PAPER, dpi=150)
+    figure = Figure(figsize=(1.72 * columns + 1.1, 1.62 * rows + 1.25), facecolor=PAPER, dpi=150)
     grid = figure.add_gridspec(
         rows, columns, left=0.085, right=0.985, bottom=0.095, top=0.86, wspace=0.08,
         hspace=0.12, height_ratios=[1] * rows,
@@ -56,10 +57,10 @@ def densities_figure(
                 axes = figure.add_subplot(grid[2 * pair + row, column])
                 _panel(axes, image, left=column == 0, bottom=2 * pair + row == rows - 1)
                 if 2 * pair + row == 0:
-                    axes.set_title(f"$\\theta_r$ = {degrees:g}°", color=_INK, fontsize=10, pad=6)
+                    axes.set_title(f"$\\theta_r$ = {degrees:g}°", color=INK, fontsize=10, pad=6)
                 if column == 0:
                     light = "direct" if n == 0 else f"{n:g} strand{'s' if n != 1 else ''}"
-                    axes.set_ylabel(f"{light}\n{('f·cos θᵢ', 'fitted pdf')[row]}", color=_INK, fontsize=9)
+                    axes.set_ylabel(f"{light}\n{('f·cos θᵢ', 'fitted pdf')[row]}", color=INK, fontsize=9)
                 if row == 1:
                     axes.text(
                         0.97,
@@ -72,21 +73,21 @@ def densities_figure(
                         path_effects=_HALO,
                     )
     name = f"{sampler.lobes} product lobes" if sampler.lobes > 1 else "one product lobe"
-    figure.text(0.085, 0.955, f"A scattering distribution and the density fitted to it: {name}", color=_INK, fontsize=14)
+    figure.text(0.085, 0.955, f"A scattering distribution and the density fitted to it: {name}", color=INK, fontsize=14)
     figure.text(
         0.085, 0.918, "Where light toward the viewer comes from, per steradian; each pair on one scale, as its square root.",
-        color="#a9a59e", fontsize=9.5,
+        color=PALE, fontsize=9.5,
     )  # fmt: skip
     figure.text(
         0.535,
         0.025,
         "azimuth φ = φᵢ − φᵣ (0° to 360°; 180° is straight through)   ·   vertical: θᵢ, −90° to 90°",
-        color="#a9a59e",
+        color=PALE,
         fontsize=9,
         ha="center",
     )
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", facecolor=_PAPER)
+    figure.savefig(buffer, format="png", facecolor=PAPER)
     return buffer.getvalue()
 
 
@@ -103,9 +104,9 @@ def _images(d: Distribution, sampler: Sampler, model: Bcsdf, strands: float) -> 
 
 
 def _panel(axes: Any, image: np.ndarray, *, left: bool, bottom: bool) -> None:
-    axes.imshow(np.sqrt(image), origin="lower", extent=(0, 360, -90, 90), aspect="auto", cmap=_MAP, vmin=0, vmax=1)
+    axes.imshow(np.sqrt(image), origin="lower", extent=(0, 360, -90, 90), aspect="auto", cmap=MAP, vmin=0, vmax=1)
     axes.set_xticks([90, 180, 270] if bottom else [], labels=["90", "180", "270"] if bottom else None)
     axes.set_yticks([-90, 0, 90] if left else [])
-    axes.tick_params(colors="#a9a59e", labelsize=8, length=2)
+    axes.tick_params(colors=PALE, labelsize=8, length=2)
     for spine in axes.spines.values():
         spine.set_color("#3a3d44")

@@ -1,0 +1,105 @@
+"""Where samples and density differ: the band or patch of the sphere that says it most clearly."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+_PATCHES = 24  # cells along each axis where patches are looked for
+LEAST_REPEATS = 20  # samples that share one angle before it is told
+_SAME = 1e-6  # radians
+
+
+class Region(NamedTuple):
+    """A patch of the sphere (radians; a band has all of the other angle), samples drawn in it and expected there."""
+
+    theta: tuple[float, float]
+    phi: tuple[float, float]
+    drawn: float
+    expected: float
+
+    def text(self) -> str:
+        """In words, degrees."""
+        t, p = np.degrees(self.theta), np.degrees(self.phi)
+        patch = f"theta_i {t[0]:.1f}° to {t[1]:.1f}°" if t[1] - t[0] < 179.9 else "all theta_i"
+        patch += f", phi {p[0]:.1f}° to {p[1]:.1f}°" if p[1] - p[0] < 359.9 else ""
+        many = "many" if self.drawn > self.expected else "few"
+        return f"too {many} samples at {patch}: {self.drawn:,.0f} drawn, {self.expected:,.0f} expected"
+
+
+class Repeated(NamedTuple):
+    """An angle that many samples share to the last digit."""
+
+    axis: str
+    angle: float
+    hits: int
+    of: int
+
+    def text(self) -> str:
+        """In words, degrees."""
+        share = 100 * self.hits / self.of
+        return f"{self.hits:,} of {self.of:,} samples ({share:.2g} %) at exactly {self.axis} = {self.angle:.3f}°"
+
+
+def worst_region(counts: Array, expected: Array, error: Array, theta: Array, phi: Array) -> Region:
+    """Return the band in theta, band in phi or patch whose counts are the least likely.
+
+    Likelihood: Poisson's, o ln(o/e) - (o - e), of a count so far from what is expected less what the quadrature may be off.
+    """
+    best, found = -1.0, Region((theta[0], theta[-1]), (phi[0], phi[-1]), counts.sum(), expected.sum())
+    for axis, edges in ((1, theta), (0, phi)):
+        o, e, d = counts.sum(axis=axis), expected.sum(axis=axis), error.sum(axis=axis)
+        gain, i, j = _best_interval(o, e, d)
+        if gain > best:
+            best = gain
+            band = float(edges[i]), float(edges[j])
+            across, around = (band, (phi[0], phi[-1])) if axis else ((theta[0], theta[-1]), band)
+            found = Region(across, around, float(o[i:j].sum()), float(e[i:j].sum()))
+    rows, columns = _groups(expected.sum(axis=1)), _groups(expected.sum(axis=0))
+    o, e, d = (np.add.reduceat(np.add.reduceat(x, rows, axis=0), columns, axis=1) for x in (counts, expected, error))
+    r, c = np.append(rows, len(theta) - 1), np.append(columns, len(phi) - 1)
+    for i in range(len(rows)):
+        for k in range(i + 1, len(rows) + 1):
+            gain, a, b = _best_interval(o[i:k].sum(axis=0), e[i:k].sum(axis=0), d[i:k].sum(axis=0))
+            if gain > best * 1.5 + 5:  # a patch has more to choose from: it must say clearly more than a band
+                best = gain
+                found = Region(
+                    (float(theta[r[i]]), float(theta[r[k]])), (float(phi[c[a]]), float(phi[c[b]])),
+                    float(o[i:k, a:b].sum()), float(e[i:k, a:b].sum()),
+                )  # fmt: skip
+    return found
+
+
+def repeated_angles(theta: Array, phi: Array) -> list[Repeated]:
+    """Return angles that an unlikely number of samples share: an atom, which no density has."""
+    found = []
+    for name, x in (("theta_i", theta), ("phi", phi)):
+        values, counts = np.unique(np.round(x / _SAME), return_counts=True)
+        at = int(np.argmax(counts)) if len(counts) else 0
+        if len(counts) and counts[at] >= LEAST_REPEATS and abs(values[at] * _SAME) < np.pi - 1e-3:
+            near = np.abs(x - values[at] * _SAME) < 1e-3  # a peak that is merely narrow has neighbours as close
+            if counts[at] > 0.2 * near.sum():
+                degrees = float(np.degrees(values[at] * _SAME)) + 0.0  # never -0
+                found.append(Repeated(name, degrees, int(counts[at]), len(x)))
+    return found
+
+
+def _groups(expected: Array) -> NDArray[np.intp]:
+    """First cells of about `_PATCHES` groups of like probability."""
+    share = np.cumsum(expected) / max(float(expected.sum()), 1e-300)
+    return np.unique(np.searchsorted(share, np.arange(_PATCHES) / _PATCHES, side="right").clip(0, len(expected) - 1))
+
+
+def _best_interval(o: Array, e: Array, d: Array) -> tuple[float, int, int]:
+    """Return the gain and the ends of the run of cells with the most unlikely count."""
+    so, se, sd = (np.concatenate([[0.0], np.cumsum(x)]) for x in (o, e, d))
+    drawn, mean, off = (s[None, :] - s[:, None] for s in (so, se, sd))
+    mean = np.where(drawn > mean, mean + off, np.maximum(mean - off, 0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        gain = np.where(drawn > 0, drawn * np.log(drawn / np.maximum(mean, 0.5)), 0.0) - (drawn - np.maximum(mean, 0.5))
+    gain = np.where(np.triu(np.ones_like(gain), 1) > 0, gain, -np.inf)
+    i, j = np.unravel_index(int(np.argmax(gain)), gain.shape)
+    return float(gain[i, j]), int(i), int(j)
