@@ -12,7 +12,7 @@ from cuticle.document import Document, document
 from cuticle.fibre import Fibre
 from cuticle.fit import Fit, fit
 from cuticle.models import Averages, Bcsdf, DualScattering, Marschner
-from cuticle.quality import Quality, measure
+from cuticle.quality import ChannelBounds, Quality, channel_bounds, measure
 from cuticle.sampler import Sample, Sampler
 from cuticle.sources import Tabulated, from_callable, from_mitsuba
 from cuticle.version import __version__
@@ -21,6 +21,7 @@ __all__ = [
     "Audit",
     "Averages",
     "Bcsdf",
+    "ChannelBounds",
     "Chiang",
     "ChiangNear",
     "Distribution",
@@ -37,6 +38,7 @@ __all__ = [
     "__version__",
     "audit",
     "audit_dump",
+    "channel_bounds",
     "check",
     "combine",
     "conventions",

@@ -28,6 +28,7 @@ from cuticle.lobe_table import MAX_LOBES
 from cuticle.models import DualScattering
 from cuticle.origin import model_of, read_model
 from cuticle.presets import PRESETS, read_fibre
+from cuticle.quality import channel_bounds
 from cuticle.render.command import app as render_app
 from cuticle.sampler import Sampler
 from cuticle.terminal import FibreArgument, JsonOption, ModelArgument, ParametersArgument, err, out, progress_bar
@@ -152,7 +153,23 @@ def fit_command(
         print(json.dumps(summary, indent=2))
         return
     out.print(fit_table(result))
+    if result.ess_channels.shape[2] > 1:
+        _tell_bounds(result, parsed, counts)
     out.print(f"wrote {', '.join(str(folder / name) for name in ('sampler.json', 'fit.json', *beside))}", soft_wrap=True)
+
+
+def _tell_bounds(result: Fit, model: Any, counts: tuple[float, ...] | None) -> None:
+    """Say how far the worst channel is from what one density for all can have, at the first strand count."""
+    first = model.with_strands(counts[0]) if counts else model
+    limits = [channel_bounds(first, float(t)) for t in result.theta_r]
+    found = float(result.ess_channels[0].min())
+    rgb, worst = min(min(b.rgb) for b in limits), min(b.worst for b in limits)
+    out.print(
+        f"Worst channel {found:.3f} (objective {result.objective}). One density serves all channels: the best for their mean"
+        f" 1/ESS has {rgb:.3f} there, the best for the worst channel {worst:.3f}.",
+        soft_wrap=True,
+        highlight=False,
+    )
 
 
 def _save_model(model: Any, folder: Path) -> list[str]:

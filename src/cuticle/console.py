@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from rich import box
 from rich.table import Table
 
@@ -24,6 +25,11 @@ def ess_text(value: float) -> str:
     return f"{value:.2f}" if value >= 0.9995 else f"{value:.3f}"[1:]
 
 
+def channels_text(channels: NDArray[np.float64]) -> str:
+    """Return the ESS of each channel, (viewers, channels), at its worst viewer."""
+    return " ".join(ess_text(x) for x in np.atleast_2d(channels).min(axis=0))
+
+
 def fit_table(result: Fit) -> Table:
     """Return the table of ESS by strand count and viewer."""
     caption = f"fitted in {result.seconds:.2f} s"
@@ -33,11 +39,11 @@ def fit_table(result: Fit) -> Table:
     grid.add_column("strands", justify="right")
     for t in np.degrees(result.theta_r):
         grid.add_column(f"{t:.0f}°", justify="right")
-    grid.add_column("worst channel" if result.ess_channels.shape[2] > 1 else "largest weight", justify="right")
+    grid.add_column("channels, worst" if result.ess_channels.shape[2] > 1 else "largest weight", justify="right")
     for n, row, channels, weights in zip(
         result.sampler.strands, result.ess, result.ess_channels, result.largest_weight, strict=True
     ):
-        last = ess_text(channels.min()) if channels.shape[1] > 1 else f"{weights.max():.3g}"
+        last = channels_text(channels) if channels.shape[1] > 1 else f"{weights.max():.3g}"
         grid.add_row(f"{n:g}", *map(ess_text, row), last)
     return grid
 
@@ -61,12 +67,16 @@ def check_tables(report: Report) -> list[Table]:
     angles = list(dict.fromkeys(c.theta_r for c in report.cases))
     for t in angles:
         cases.add_column(f"{np.degrees(t):.3g}°", justify="right")
+    coloured = len(report.cases[0].ess_channels) > 1
+    if coloured:
+        cases.add_column("channels, worst", justify="right")
     cases.add_column("weight", justify="right")
     cases.add_column("TV", justify="right")
     for n in dict.fromkeys(c.strands for c in report.cases):
         row = [c for c in report.cases if c.strands == n]
         worst = f"{max(c.largest_weight for c in row):.3g}", f"{max(c.total_variation for c in row):.3f}"
-        cases.add_row(f"{n:g}", *(ess_text(c.ess) for c in row), *worst)
+        channels = [channels_text(np.array([c.ess_channels for c in row]))] if coloured else []
+        cases.add_row(f"{n:g}", *(ess_text(c.ess) for c in row), *channels, *worst)
     controls = table("Negative controls: samplers broken on purpose")
     for column in ("strands", "control", "caught", "evidence"):
         controls.add_column(column)

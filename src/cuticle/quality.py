@@ -16,6 +16,7 @@ _COARSE = (360, 120)
 _FINE = (80, 48)
 _ORDER = 4
 _LEAST_DENSITY = 1e-30  # 1/sr
+_BALANCING = 80  # steps in which the channels' ESS even out
 
 
 class Density(Protocol):
@@ -100,3 +101,55 @@ def measure(sampler: Density, model: Bcsdf, theta_r: float, strands: float | Non
     variation = 0.5 * float((solid_angle * np.abs(channels[..., -1] / energy[-1] - p)).sum())
     error = abs(lower - float(energy[-1]))
     return Quality(float(ess[-1]), tuple(map(float, ess[:-1])), weight, tuple(map(float, energy[:-1])), error, variation)
+
+
+@dataclass(frozen=True)
+class ChannelBounds:
+    """The most ESS that one density for all channels can have, channel by channel (...): no sampler of one fibre beats it.
+
+    Attributes
+    ----------
+    luminance
+        Of the density that is the luminance of f·cos: what `objective="luminance"` strives for.
+    rgb
+        Of the density with the least mean of 1/ESS over channels: what `objective="rgb"` strives for.
+    worst
+        Of the density whose worst channel is best: its ESS there.
+    """
+
+    luminance: tuple[float, ...]
+    rgb: tuple[float, ...]
+    worst: float
+
+
+def channel_bounds(model: Bcsdf, theta_r: float) -> ChannelBounds:
+    """Return what the ESS of single channels is bounded by, for one viewer (radians).
+
+    With q_c = f_c cos/∫ f_c cos, Σ λ_c/ESS_c is least for p ∝ sqrt(Σ λ_c q_c²); equal λ give `rgb`, and the λ at which
+    the channels' ESS even out give `worst` (minimax).
+    """
+    even = is_even(model)
+
+    def values(g: Grid) -> NDArray[np.float64]:
+        return evaluate(model, g.theta, theta_r, g.phi)
+
+    edges = adapted_edges(lambda c: luminance(values(c)) * np.cos(c.theta)[:, None], even=even, coarse=_COARSE, fine=_FINE)
+    g = grid(*edges, 2)
+    weight = (g.weights * np.cos(g.theta)[:, None] * (2 if even else 1)).ravel()
+    f = values(g).reshape(weight.size, -1)
+    energy = weight @ f
+    q = f / np.where(energy > 0, energy, 1)
+
+    def ess(p: NDArray[np.float64]) -> NDArray[np.float64]:
+        density = np.maximum(p / (weight @ p), _LEAST_DENSITY)
+        return 1 / np.maximum(weight @ (q**2 / density[:, None]), 1e-300)
+
+    share = np.where(energy > 0, 1.0, 0.0) / max(int((energy > 0).sum()), 1)
+    best = rgb = ess(np.sqrt(q**2 @ share))
+    for _ in range(_BALANCING):
+        loss = 1 / best
+        share = share * np.exp(0.7 * (loss - loss.mean()) / loss.max())
+        share = share / share.sum()
+        best = ess(np.sqrt(q**2 @ share))
+    bright = ess(luminance(f))
+    return ChannelBounds(tuple(map(float, bright)), tuple(map(float, rgb)), float(best.min()))

@@ -99,15 +99,28 @@ def _ess(value: float) -> dict[str, str]:
     return {"text": f"{value:.3f}", "grade": grade}
 
 
+_CHANNELS = ("R", "G", "B")
+
+
 def _fit_view(data: dict[str, Any], _: Path) -> dict[str, Any]:
     ess = np.array(data["ess"])
     return {
         "title": f"{data['lobes']} lobes, {data['form']}, objective {data['objective']}, fitted in {data['seconds']:.2f} s",
         "theta_r": [f"{number(t, 0)}°" for t in data["theta_r_degrees"]],
         "rows": [
-            {"strands": f"{n:g}", "cells": [_ess(x) for x in row], "weight": f"{max(w):.3g}"}
-            for n, row, w in zip(data["strands"], data["ess"], data["largest_weight"], strict=True)
+            {
+                "strands": f"{n:g}",
+                "cells": [_ess(x) for x in row],
+                "channels": [_ess(x) for x in np.min(channels, axis=0)],
+                "weight": f"{max(w):.3g}",
+            }
+            for n, row, channels, w in zip(
+                data["strands"], data["ess"], data["ess_channels"], data["largest_weight"], strict=True
+            )
         ],
+        "channels": [f"channel {c}" for c in _CHANNELS[: len(data["ess_channels"][0][0])]]
+        if 1 < len(data["ess_channels"][0][0]) <= len(_CHANNELS)
+        else [],
         "mean": f"{ess.mean():.3f}",
         "worst": f"{ess.min():.3f}",
     }
