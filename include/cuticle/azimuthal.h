@@ -1,9 +1,9 @@
 // The azimuthal functions N_p(theta_d, phi), by quadrature over the offset h, one table row a theta_d.
 //
-// N_p(phi) = ½ ∫ A(p, h) D(phi - phi_p(h)) dh, D a wrapped normal of deviation beta_N (d'Eon 2011) or a logistic distribution
-// cut off at ±pi (Chiang 2016). Each cell of h
-// spreads its energy evenly over the azimuths between its two edges, which is exact for a straight phi_p(h) and
-// has no aliasing as beta_N -> 0; the smoothing by D is one convolution of the row.
+// N_p(phi) = ½ ∫ A(p, h) D(phi - phi_p(h)) dh, D a wrapped normal of deviation beta_N (d'Eon 2011) or a logistic
+// distribution cut off at ±pi (Chiang 2016). Each cell of h spreads its energy evenly over the azimuths between its two
+// edges, which is exact for a straight phi_p(h) and has no aliasing as beta_N -> 0; the smoothing by D is one convolution of
+// the row.
 #ifndef CUTICLE_AZIMUTHAL_H
 #define CUTICLE_AZIMUTHAL_H
 
@@ -29,8 +29,8 @@ template <class Float> void deposit(Float a, Float b, Float mass, Float *circle,
     }
 }
 
-// One lobe's row for one absorption: out[j] = N_p at phi = j pi / n, j = 0 … n, per radian; n even. `beta_n` is D's deviation.
-// `circle` and `kernel` are scratch, of 4 n and of 2 n.
+// One lobe's row for one absorption: out[j] = N_p at phi = j pi / n, j = 0 … n, per radian; n even. `beta_n` is D's
+// deviation. `circle` and `kernel` are scratch, of 4 n and of 2 n.
 template <class Float>
 void azimuthal_row(int p, Float theta_d, Float eta, Float sigma_a, Azimuthal form, Float beta_n, bool closed, int n,
                    int offsets, Float *circle, Float *kernel, Float *out) {

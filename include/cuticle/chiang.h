@@ -19,7 +19,7 @@ namespace cuticle {
 constexpr int chiang_lobes = lobe_count + 1;  // the last holds every order past TRT
 
 template <class Float> struct ChiangFibre {
-    Float eta, scale;                             // scale of the azimuthal logistic distribution, radians
+    Float eta, scale;                                  // scale of the azimuthal logistic distribution, radians
     Float variance[chiang_lobes], tilt[chiang_lobes];  // in theta: of M, and of the lobe's axis (radians)
 };
 
@@ -31,21 +31,33 @@ template <class Float> struct ChiangState {
     Float probability[chiang_lobes];  // of being drawn; they sum to 1
 };
 
-// sigma_a, luminance: one value a channel; luminance weighs the channels when a lobe is drawn.
+// sigma_a, luminance: one value a channel; luminance weighs the channels when a lobe is drawn. Null weighs them so that the
+// mean over channels of 1/ESS is least: for lobes that lie apart, by the root of Σ_c (A_p,c / Σ_p A_p,c)².
 template <class Float, class Scalar>
 CUTICLE_HD ChiangState<Float> chiang_state(const ChiangFibre<Scalar> &fibre, const Float &theta_r, const Float &h,
                                            const Scalar *sigma_a, const Scalar *luminance, int channels) {
     ChiangState<Float> state;
-    state.ray = cross_section(Float(math::asin(h)), Float(math::sin(theta_r)), Float(math::cos_theta(theta_r)), Float(fibre.eta));
-    Float total = Float(0);
+    state.ray =
+        cross_section(Float(math::asin(h)), Float(math::sin(theta_r)), Float(math::cos_theta(theta_r)), Float(fibre.eta));
     for (int p = 0; p < chiang_lobes; ++p) {
         state.axis[p] = Float(fibre.tilt[p]) - theta_r;
         if (p < lobe_count) state.azimuth[p] = exit_azimuth(p, state.ray);
-        Float energy = Float(0);
-        for (int c = 0; c < channels; ++c)
-            energy = energy + Float(luminance[c]) * attenuation(p, state.ray, Float(sigma_a[c]), false);
-        state.probability[p] = energy;
-        total = total + energy;
+        state.probability[p] = Float(0);
+    }
+    for (int c = 0; c < channels; ++c) {
+        Float a[chiang_lobes], all = Float(0);
+        for (int p = 0; p < chiang_lobes; ++p) {
+            a[p] = attenuation(p, state.ray, Float(sigma_a[c]), false);
+            all = all + a[p];
+        }
+        for (int p = 0; p < chiang_lobes; ++p)
+            state.probability[p] =
+                state.probability[p] + (luminance ? Float(luminance[c]) * a[p] : math::sqr(Float(a[p] / all)));
+    }
+    Float total = Float(0);
+    for (int p = 0; p < chiang_lobes; ++p) {
+        if (!luminance) state.probability[p] = math::sqrt(state.probability[p]);
+        total = total + state.probability[p];
     }
     for (int p = 0; p < chiang_lobes; ++p) state.probability[p] = state.probability[p] / total;
     return state;
@@ -78,16 +90,15 @@ template <class Float, class Scalar>
 CUTICLE_HD Float chiang_pdf(const ChiangFibre<Scalar> &fibre, const ChiangState<Float> &state, const Float &theta_i,
                             const Float &phi) {
     Float sum = Float(0);
-    for (int p = 0; p < chiang_lobes; ++p)
-        sum = sum + state.probability[p] * chiang_lobe(fibre, state, p, theta_i, phi);
+    for (int p = 0; p < chiang_lobes; ++p) sum = sum + state.probability[p] * chiang_lobe(fibre, state, p, theta_i, phi);
     return sum;
 }
 
 // A direction from three numbers in [0, 1): the first draws the lobe, and what is left of it the azimuth about the lobe's
 // axis (d'Eon, Marschner and Hanika 2013), so that theta is drawn about the tilted axis itself.
 template <class Float, class Scalar>
-CUTICLE_HD Sample<Float> chiang_sample(const ChiangFibre<Scalar> &fibre, const ChiangState<Float> &state, const Float &u_lobe,
-                                       const Float &u_theta, const Float &u_phi) {
+CUTICLE_HD Sample<Float> chiang_sample(const ChiangFibre<Scalar> &fibre, const ChiangState<Float> &state,
+                                       const Float &u_lobe, const Float &u_theta, const Float &u_phi) {
     Float below = Float(0), start = Float(0), width = state.probability[0];
     Float axis = state.axis[0], variance = Float(fibre.variance[0]), azimuth = state.azimuth[0];
     auto rest = u_lobe < Float(0);
@@ -117,8 +128,8 @@ CUTICLE_HD Sample<Float> chiang_sample(const ChiangFibre<Scalar> &fibre, const C
 
 // The far field's last lobe, as the constant of marschner_terms: `energy` is A past TRT averaged over h, one a channel.
 template <class Float, class Scalar>
-CUTICLE_HD void chiang_far_rest(Scalar variance, const Float &theta_i, const Float &theta_r, const Float *energy, int channels,
-                                AzimuthalTerms<Float> *terms) {
+CUTICLE_HD void chiang_far_rest(Scalar variance, const Float &theta_i, const Float &theta_r, const Float *energy,
+                                int channels, AzimuthalTerms<Float> *terms) {
     const Float m = energy_conserving_m(theta_i, Float(-theta_r), Float(variance)) / math::cos_theta(theta_i);
     for (int c = 0; c < channels; ++c) terms[c].constant = m * energy[c] * Float(.5 / pi<double>);
 }

@@ -75,6 +75,9 @@ class Chiang(BaseModel):
     def __init__(self, **values: Any) -> None:
         super().__init__(**_checked(values))
 
+    def __repr__(self) -> str:
+        return f"Chiang({', '.join(f'{k}={v!r}' for k, v in self.model_dump(exclude_none=True).items())})"
+
     @property
     def even(self) -> bool:
         """The far field is even in phi."""
@@ -110,9 +113,9 @@ class Chiang(BaseModel):
         """Scale of the azimuthal logistic distribution, radians."""
         return conventions.azimuthal_scale(self.beta_n)
 
-    def near(self, h: ArrayLike = 0.0) -> ChiangNear:
+    def near(self, h: ArrayLike = 0.0, *, objective: str = "luminance") -> ChiangNear:
         """Return the near field at offset `h` (-1 to 1 over the width), for arrays one offset a direction."""
-        return ChiangNear(self, h)
+        return ChiangNear(self, h, objective=objective)
 
     def fibre(self) -> Fibre:
         """Return the `Fibre` with these widths as standard deviations: near, not the same (normal, not logistic, N)."""
@@ -183,16 +186,22 @@ class ChiangNear:
         The fibre.
     h
         Offset of the viewer's ray over the fibre's width, -1 to 1; an array broadcasts with the angles.
+    objective
+        "luminance": lobes are drawn by the luminance of what they carry, so that its ESS is 1. "rgb": so that the mean of
+        1/ESS over channels is least, which serves dark channels at luminance's cost.
     """
 
     even = False
     strands = 0.0
 
-    def __init__(self, model: Chiang, h: ArrayLike = 0.0) -> None:
+    def __init__(self, model: Chiang, h: ArrayLike = 0.0, *, objective: str = "luminance") -> None:
         self.model = model
+        self.objective = validate.choice("objective", objective, ("luminance", "rgb"))
         self.h = validate.array("h", h, -1, 1, np.float64, remedy="h runs over the fibre's width, 0 is its middle")
         channels = model.channels
         luminance = np.array(REC709) if channels == 3 else np.full(channels, 1 / channels)
+        if objective == "rgb":
+            luminance = np.empty(0)
         self._core = _core.ChiangNear(
             model.eta, model.scale, model.variance, model.tilt, np.array(model.absorption), luminance
         )

@@ -26,6 +26,7 @@ from cuticle.combine import combine
 from cuticle.document import find_functions, highlight_axis, table_2, table_3
 from cuticle.fibre import Fibre
 from cuticle.fit import DRAFT, DocumentFunctions, fit
+from cuticle.llvm import check_llvm
 from cuticle.lobe_table import MAX_LOBES, SIGMA_PHI, SIGMA_THETA
 from cuticle.models import AVERAGE_LIMIT, LONGITUDINAL_OF, DualScattering, Marschner
 from cuticle.presets import PRESETS, read_fibre
@@ -36,7 +37,6 @@ __all__ = ["MITSUBA_VERSION", "VARIANTS", "Material", "register"]
 
 MITSUBA_VERSION = "3.9.1"  # plugins are compiled against this one and fit no other
 VARIANTS = ("scalar_rgb", "scalar_spectral", "llvm_ad_rgb", "llvm_ad_spectral", "cuda_ad_rgb", "cuda_ad_spectral")
-LLVM_NEEDED = 19  # Dr.Jit 1.5 aborts the process with 14, 15 and 16
 
 # Where a spectrum of three values turns from blue to green and from green to red, nm.
 PRIMARY_EDGES = (453.5, 512.9, 587.6, 598.4)
@@ -108,19 +108,7 @@ def check_variant() -> None:
     variant = mi.variant()
     if variant not in VARIANTS:
         raise RuntimeError(f"the plugins are compiled for {', '.join(VARIANTS)}; the variant is {variant}")
-    if not variant.startswith("llvm"):
-        return
-    import drjit as dr
-
-    remedy = (
-        f"install LLVM {LLVM_NEEDED} or newer (Debian: libllvm19; PyPI: karellen-llvm-core), and name its libLLVM in"
-        " DRJIT_LIBLLVM_PATH before Python starts; scalar_rgb needs none"
-    )
-    if not dr.has_backend(dr.JitBackend.LLVM):
-        raise RuntimeError(f"{variant} needs LLVM and none is found: {remedy}")
-    found = dr.detail.llvm_version()
-    if found[0] < LLVM_NEEDED:
-        raise RuntimeError(f"{variant} would abort with LLVM {'.'.join(map(str, found))}: {remedy}")
+    check_llvm(variant)
 
 
 def _make_bsdf(props: Any) -> Any:

@@ -106,7 +106,8 @@ def model_of(sampler: Sampler) -> Bcsdf:
     if "path" in source:
         return _table(source)
     if "parameters" in source:
-        return from_mitsuba(source["parameters"], source.get("h"))
+        options = {"grid": tuple(source["grid"])} if "grid" in source else {}
+        return from_mitsuba(source["parameters"], source.get("h"), **options)
     raise ValueError(
         "this sampler does not say which scattering function it is for: it was fitted to a function of your own, or to none;"
         " name one with --model"

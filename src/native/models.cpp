@@ -199,7 +199,8 @@ struct ChiangNear {
     int channels() const { return static_cast<int>(sigma_a.size()); }
 
     cuticle::ChiangState<double> state(double theta_r, double h) const {
-        return cuticle::chiang_state(fibre, theta_r, h, sigma_a.data(), luminance.data(), channels());
+        return cuticle::chiang_state(fibre, theta_r, h, sigma_a.data(), luminance.empty() ? nullptr : luminance.data(),
+                                     channels());
     }
 
     // body(i, state) for each of `count`; a state is kept while theta_r and h stay.

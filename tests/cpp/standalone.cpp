@@ -34,7 +34,33 @@ template <class Float> int run() {
         wrong += !(std::abs(cuticle::theta_of(direction) - s.theta_i) <= Float(1e-3));
         wrong += !(std::abs(cuticle::math::nearest_turn(Float(cuticle::phi_of(direction) - s.phi))) <= Float(1e-3));
     }
-    std::printf("integral %.7f, %d wrong\n", total, wrong);
+    // Chiang's near field: ∫ pdf, and f cos over the pdf is one number where there is one channel.
+    cuticle::ChiangFibre<Float> hair{Float(1.55),
+                                     Float(.07),
+                                     {Float(.08), Float(.02), Float(.32), Float(.32)},
+                                     {Float(-.07), Float(.035), Float(.14), Float(0)}};
+    const Float sigma_a[] = {Float(.5)}, luminance[] = {Float(1)};
+    const auto state = cuticle::chiang_state(hair, Float(.4), Float(.3), sigma_a, luminance, 1);
+    double near = 0, carried = 0;
+    for (int i = 0; i < n; ++i)
+        for (int j = 0; j < n; ++j) {
+            const Float theta = pi * (Float(i) + Float(.5)) / Float(n) - pi / 2;
+            const Float phi = 2 * pi * (Float(j) + Float(.5)) / Float(n) - pi;
+            Float f;
+            cuticle::chiang_eval(hair, state, sigma_a, 1, cuticle::mask_all, theta, phi, &f);
+            const double area = std::cos(double(theta)) * double(2 * pi * pi) / (double(n) * n);
+            near += double(cuticle::chiang_pdf(hair, state, theta, phi)) * area;
+            carried += double(f) * std::cos(double(theta)) * area;
+        }
+    wrong += !(std::abs(near - 1) <= 1e-4);
+    for (int i = 0; i < 1000; ++i) {
+        const Float u = Float(i) / 1000, v = Float((i * 37) % 1000) / 1000, w = Float((i * 91) % 1000) / 1000;
+        const auto s = cuticle::chiang_sample(hair, state, u, v, w);
+        Float f;
+        cuticle::chiang_eval(hair, state, sigma_a, 1, cuticle::mask_all, s.theta_i, s.phi, &f);
+        wrong += !(std::abs(double(f) * std::cos(double(s.theta_i)) / double(s.pdf) - carried) <= 1e-3 * carried);
+    }
+    std::printf("integral %.7f, near field %.7f, %d wrong\n", total, near, wrong);
     return wrong;
 }
 

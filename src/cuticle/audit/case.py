@@ -22,7 +22,7 @@ _NARROW = 1e-5
 _MIDDLE = (12, 8)  # fewer, for what is small but everywhere
 _MEANS = (6, 6)  # cells for the mean weight
 _HEAVY = 0.04  # a weight's share of the mean's deviation beyond which that is not normal
-_TESTS = 5
+_TESTS = 6
 NOTHING = 1e-12  # 1/sr: a density this small is none
 
 
@@ -41,15 +41,15 @@ class Case:
     """One viewer.
 
     `integral`, `integral_error`: ∫ pdf over the sphere and how far the quadrature may be off. `dropped`: share of samples
-    that gave no direction. `chi2`, `dof`: over even cells; `p_value`: of five tests (even cells, cells of like
-    probability, fewer of those, theta alone, phi alone), five times the least. `total_variation`: ½ Σ |drawn - claimed|
-    over some hundred cells of like probability; `noise_floor`: what a right sampler has there on average. `region`: where
-    the two differ most clearly; `lobe`: what is known of the lobes there. `repeated`: angles that samples share exactly.
-    `mean_z`: the largest deviation of the mean weight from ∫ f cos within a cell, standard errors (NaN: not to be tested),
-    at `mean_where`. `weight_mismatch`, `pdf_mismatch`: share of samples whose weight, or pdf, is not eval/pdf, or pdf,
-    asked afterwards. `lost`: share of ∫ f cos where the pdf is 0; `wasted`: share of the pdf where f is 0. `invalid`,
-    `outside`, `biased`: shares of samples that are NaN, off the sphere, or have a weight but no direction; `bad_density`:
-    densities asked for that are NaN or negative, `bad_values` likewise of f.
+    that gave no direction. `chi2`, `dof`: over even cells; `p_value`: of six tests (even cells, cells of like
+    probability, fewer of those, theta alone, phi alone, the worst even band), six times the least. `total_variation`:
+    ½ Σ |drawn - claimed| over some hundred cells of like probability; `noise_floor`: what a right sampler has there on
+    average. `region`: where the two differ most clearly; `lobe`: what is known of the lobes there. `repeated`: angles that
+    samples share exactly. `mean_z`: the largest deviation of the mean weight from ∫ f cos within a cell, standard errors
+    (NaN: not to be tested), at `mean_where`. `weight_mismatch`, `pdf_mismatch`: share of samples whose weight, or pdf, is
+    not eval/pdf, or pdf, asked afterwards. `lost`: share of ∫ f cos where the pdf is 0; `wasted`: share of the pdf where f
+    is 0. `invalid`, `outside`, `biased`: shares of samples that are NaN, off the sphere, or have a weight but no
+    direction; `bad_density`: densities asked for that are NaN or negative, `bad_values` likewise of f.
     """
 
     theta_r: float
@@ -139,7 +139,10 @@ def examine(subject: Subject, theta_r: float, samples: int, critical: float, rng
         chi_square(*(grouped(x, theta.like, one)[:, 0] for x in (counts, expected, off))),
         chi_square(*(grouped(x, one, phi.like)[0] for x in (counts, expected, off))),
     ]
-    p_value = min(1.0, _TESTS * min(t[2] for t in tests))
+    bands = [
+        np.concatenate([grouped(x, theta.even, one)[:, 0], grouped(x, one, phi.even)[0]]) for x in (counts, expected, off)
+    ]
+    p_value = min(1.0, _TESTS * min(*(t[2] for t in tests), _single_band(*bands)))
     share = grouped(claimed, *middle)
     region, lobe = None, ""
     if p_value < critical:
@@ -175,6 +178,13 @@ def examine(subject: Subject, theta_r: float, samples: int, critical: float, rng
         maps=Maps(theta.fine, phi.fine, counts / n, claimed),
         **quality,  # type: ignore[arg-type]
     )
+
+
+def _single_band(counts: Array, expected: Array, off: Array) -> float:
+    """The chance of the least likely count among bands, each Poisson's: what sits in one place that should be dark."""
+    many = stats.poisson.sf(counts - 1, expected + off)
+    few = stats.poisson.cdf(counts, np.maximum(expected - off, 0))
+    return float(min(1.0, 2 * len(counts) * min(many.min(), few.min())))
 
 
 @dataclass(frozen=True)

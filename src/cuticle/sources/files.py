@@ -45,10 +45,12 @@ def write_table(path: str | os.PathLike[str], theta_r: NDArray, theta_i: NDArray
 def read_arrays(path: str | os.PathLike[str], what: str) -> dict[str, NDArray]:
     """Return the arrays of an .npz file, or raise ValueError with the reason."""
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with open(path, "rb") as opened:
+            file = np.load(opened, allow_pickle=False)
             if not isinstance(file, np.lib.npyio.NpzFile):
                 raise ValueError("it is a single array")
-            return {name: file[name] for name in file.files}
+            with file:
+                return {name: file[name] for name in file.files}
     except OSError as error:
         raise ValueError(f"cannot read {what} {path}: {error.strerror or error}") from None
     except (ValueError, EOFError, KeyError, zipfile.BadZipFile, zipfile.LargeZipFile) as error:

@@ -112,7 +112,7 @@ def from_callable(
         return np.array([_one(function, *point) for point in zip(ti.tolist(), tr.tolist(), ph.tolist(), strict=True)])
 
     first = ask(*probe)
-    random = not np.array_equal(first, ask(*probe))
+    random = not np.array_equal(first, ask(*probe), equal_nan=True)
     if vectorised and not random:
         return Function(function, even)
     return _tabulate(function, ask, even, random, repeats, sizes, progress or (lambda phase, fraction: None))

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cuticle import conventions, validate
 from cuticle.chiang import PARTS, Chiang, ChiangNear
+from cuticle.llvm import check_llvm, has_llvm
 from cuticle.quadrature import gauss_legendre
 from cuticle.sources.functions import Progress
 from cuticle.sources.tabulated import Tabulated
@@ -169,7 +170,7 @@ def from_mitsuba(
     --------
     >>> model = from_mitsuba("hair", h=0.3, eumelanin=1.3)  # doctest: +SKIP
     """
-    variant, loaded, given = _load(bsdf, parameters)
+    variant, loaded, given = _load(bsdf, parameters, fast=h is None)
     if h is not None:
         return MitsubaBsdf(loaded, variant, h, given)
     report = progress or (lambda phase, fraction: None)
@@ -188,11 +189,11 @@ def from_mitsuba(
     report("done", 1.0)
     table = Tabulated(theta_r, theta_i, phi, np.array(sheets))
     if given is not None:
-        table.source = {"parameters": given, "h": None, "variant": variant}
+        table.source = {"parameters": given, "h": None, "variant": variant, "grid": list(grid)}
     return table
 
 
-def _load(bsdf: Any, parameters: dict[str, Any]) -> tuple[str, Any, dict[str, Any] | None]:
+def _load(bsdf: Any, parameters: dict[str, Any], fast: bool) -> tuple[str, Any, dict[str, Any] | None]:
     if importlib.util.find_spec("mitsuba") is None:
         raise RuntimeError("this needs Mitsuba 3, which is not installed: pip install cuticle[mitsuba]")
     import mitsuba as mi
@@ -204,7 +205,8 @@ def _load(bsdf: Any, parameters: dict[str, Any]) -> tuple[str, Any, dict[str, An
             raise TypeError(f"bsdf must be a plugin's name, a dictionary or a material, got {type(bsdf).__name__}")
         return str(mi.variant()), bsdf, None
     given = {**({"type": bsdf} if isinstance(bsdf, str) else bsdf), **parameters}
-    variant = mi.variant() or "scalar_rgb"
+    variant = mi.variant() or ("llvm_ad_rgb" if fast and has_llvm() else "scalar_rgb")
+    check_llvm(variant)
     with _variant(variant):
         if given.get("type") == "cuticle":
             import cuticle.mitsuba  # noqa: F401 - makes the plugin known

@@ -1,0 +1,35 @@
+"""Whether Mitsuba's LLVM variants run here: Dr.Jit ends the process with an LLVM that is too old."""
+
+from __future__ import annotations
+
+LLVM_NEEDED = 19  # Dr.Jit 1.5 aborts with 14, 15 and 16
+
+
+def llvm_version() -> tuple[int, ...] | None:
+    """Return the version of the LLVM that Dr.Jit finds, or None; Mitsuba has to be installed."""
+    import drjit as dr
+
+    if not dr.has_backend(dr.JitBackend.LLVM):
+        return None
+    return tuple(dr.detail.llvm_version())
+
+
+def check_llvm(variant: str) -> None:
+    """Raise RuntimeError with the remedy where an LLVM variant of Mitsuba would not run; other variants are not looked at."""
+    if not variant.startswith("llvm"):
+        return
+    remedy = (
+        f"install LLVM {LLVM_NEEDED} or newer (Debian: libllvm19; PyPI: karellen-llvm-core), and name its libLLVM in"
+        " DRJIT_LIBLLVM_PATH before Python starts; scalar_rgb needs none"
+    )
+    found = llvm_version()
+    if found is None:
+        raise RuntimeError(f"{variant} needs LLVM and none is found: {remedy}")
+    if found[0] < LLVM_NEEDED:
+        raise RuntimeError(f"{variant} would abort with LLVM {'.'.join(map(str, found))}: {remedy}")
+
+
+def has_llvm() -> bool:
+    """Whether Dr.Jit finds an LLVM that it works with."""
+    found = llvm_version()
+    return found is not None and found[0] >= LLVM_NEEDED

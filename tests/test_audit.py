@@ -1,0 +1,453 @@
+"""The audit passes what is right, fails what is broken, and says where."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import cuticle
+from cuticle import Chiang, audit, audit_dump
+from cuticle.audit.cells import integrate
+from cuticle.chi_square import chi_square
+
+BASE = Chiang(beta_m=0.3, beta_n=0.3, alpha=2.0, eumelanin=1.3)
+needs_mitsuba = pytest.mark.skipif(importlib.util.find_spec("mitsuba") is None, reason="Mitsuba 3 is not installed")
+
+
+def failed(report: Any) -> set[str]:
+    return {v.name for v in report.verdicts if not v.passed}
+
+
+# ---- what is right
+
+
+def test_200_right_samplers_are_not_flagged() -> None:
+    rng = np.random.default_rng(7)
+    low = 0
+    for i in range(200):
+        model = Chiang(
+            beta_m=rng.uniform(0.05, 1), beta_n=rng.uniform(0.05, 1), alpha=rng.uniform(-5, 5), eumelanin=rng.uniform(0, 8)
+        )
+        report = audit(model.near(rng.uniform(-0.99, 0.99)), theta_r=[rng.uniform(-1.5, 1.5)], samples=20_000, seed=i)
+        assert report.ok, report
+        low += report.cases[0].p_value < 0.05
+    assert low <= 20  # five tests in one p-value, made safe: fewer than one in twenty
+
+
+def test_our_near_field_passes_at_any_roughness() -> None:
+    for beta_m, beta_n, melanin in ((0.25, 0.3, 0.3), (0.3, 0.3, 1.3), (0.8, 0.8, 1.3), (0.1, 0.1, 0.3)):
+        for h in (0.0, 0.8):
+            near = Chiang(beta_m=beta_m, beta_n=beta_n, eumelanin=melanin).near(h)
+            report = audit(near, theta_r=np.radians([-85, -30, 0, 75]), samples=100_000)
+            assert report.ok, report
+            assert all(c.ess == pytest.approx(1, abs=1e-4) for c in report.cases)
+
+
+def test_a_fitted_sampler_passes_with_and_without_its_function(
+    document_model: cuticle.DualScattering, document_fit: cuticle.Fit
+) -> None:
+    viewers = np.radians([-75, 0, 60])
+    for strands in (0.0, 2.0):
+        own = document_model.with_strands(strands)
+        report = audit(document_fit.sampler, eval=own.eval, strands=strands, theta_r=viewers, samples=100_000)
+        assert report.ok, report
+        assert report.cases[1].ess == pytest.approx(cuticle.measure(document_fit.sampler, own, 0.0, strands).ess, abs=2e-3)
+        blind = audit(document_fit.sampler, strands=strands, theta_r=viewers, samples=100_000)
+        assert blind.ok, blind
+        assert {v.name for v in blind.verdicts} < {v.name for v in report.verdicts}
+
+
+class Hemisphere:
+    """Half a sphere by the cosine, in the frame's z: a sampler that gives up for a tenth of its numbers."""
+
+    give_up = 0.0
+
+    def sample(self, theta_r: float, u: np.ndarray) -> tuple[np.ndarray, ...]:
+        z, a = np.sqrt(u[:, 0]), 2 * np.pi * u[:, 1]
+        r = np.sqrt(1 - z * z)
+        theta, phi = np.arcsin(r * np.sin(a)), np.arctan2(z, r * np.cos(a))
+        none = u[:, 2] < self.give_up
+        pdf = np.where(none, 0, self.pdf(theta, theta_r, phi))
+        return theta, phi, pdf, np.where(none, 0, 1 / (1 - self.give_up))
+
+    def pdf(self, theta_i: np.ndarray, theta_r: float, phi: np.ndarray) -> np.ndarray:
+        return (1 - self.give_up) * np.maximum(np.cos(theta_i) * np.sin(phi), 0) / np.pi
+
+    def eval(self, theta_i: np.ndarray, theta_r: float, phi: np.ndarray) -> np.ndarray:
+        return np.maximum(np.sin(phi), 0) / np.pi
+
+
+def test_a_surface_passes_and_so_does_one_that_drops_samples() -> None:
+    report = audit(Hemisphere(), theta_r=[0.3], energy=True)
+    assert report.ok, report
+    partial = Hemisphere()
+    partial.give_up = 0.1
+    report = audit(partial, theta_r=[0.3])
+    assert report.ok, report
+    assert report.cases[0].dropped == pytest.approx(0.1, abs=0.005)
+    assert any("give no direction" in n for n in report.notes)
+
+
+def test_functions_of_single_numbers_will_do() -> None:
+    report = audit(
+        lambda theta_r, u: (float(np.arcsin(2 * u[0] - 1)), float(2 * np.pi * u[1] - np.pi)),
+        lambda theta_i, theta_r, phi: 1 / (4 * np.pi) if isinstance(phi, float) else _refuse(),
+        theta_r=[0.0],
+        samples=10_000,
+        dimensions=2,
+    )
+    assert report.ok, report
+
+
+def _refuse() -> float:
+    raise TypeError("one at a time")
+
+
+# ---- what is broken
+
+
+class Changed:
+    """A right sampler, changed."""
+
+    def __init__(self, near: cuticle.ChiangNear, change: str) -> None:
+        self.near, self.change = near, change
+
+    def sample(self, theta_r: float, u: np.ndarray) -> tuple[np.ndarray, ...]:
+        s = self.near.sample(theta_r, u)
+        theta, phi, pdf = s.theta_i.copy(), s.phi, s.pdf
+        if self.change == "tilt after":
+            flat = Chiang(**{**self.near.model.model_dump(exclude_none=True), "alpha": 0.0}).near(self.near.h)
+            s = flat.sample(theta_r, u)
+            chance = np.array([_energy(flat, theta_r, lobe) for lobe in ("R", "TT", "TRT", "rest")])
+            lobe = np.searchsorted(np.cumsum(chance / chance.sum())[:-1], u[:, 0], side="right")
+            theta, phi = s.theta_i + self.near.model.tilt[lobe], s.phi
+            theta = np.where(theta > np.pi / 2, np.pi - theta, np.where(theta < -np.pi / 2, -np.pi - theta, theta))
+            pdf = self.near.pdf(theta, theta_r, phi)
+        if self.change == "stuck":
+            theta[u[:, 0] < 0.003] = 0.25
+            pdf = self.near.pdf(theta, theta_r, phi)
+        if self.change == "one":
+            pdf = np.ones_like(pdf)
+        if self.change == "other pdf":
+            pdf = 1.1 * pdf
+        weight = self.near.eval(theta, theta_r, phi) * np.cos(theta)[:, None] / pdf[:, None]
+        theta[17] = {"nan": np.nan, "off": 2.0}.get(self.change, theta[17])
+        return theta, phi, pdf, 1.2 * weight if self.change == "weight" else weight
+
+    def pdf(self, theta_i: np.ndarray, theta_r: float, phi: np.ndarray) -> np.ndarray:
+        p = self.near.pdf(theta_i, theta_r, phi)
+        if self.change == "one":
+            return np.ones_like(p)
+        if self.change == "scaled":
+            return 1.01 * p
+        if self.change == "negative":
+            return np.where(np.asarray(theta_i) > 1.3, -p, p)
+        return p
+
+    def eval(self, theta_i: np.ndarray, theta_r: float, phi: np.ndarray) -> np.ndarray:
+        return self.near.eval(theta_i, theta_r, phi)
+
+
+def _energy(near: cuticle.ChiangNear, theta_r: float, lobe: str) -> float:
+    theta, phi = np.linspace(-1.57, 1.57, 1001), np.linspace(-np.pi, np.pi, 721)
+    f = near.eval(theta[:, None], theta_r, phi, lobes=lobe) @ np.array([0.2126, 0.7152, 0.0722])
+    return float((f * np.cos(theta)[:, None] ** 2).sum())
+
+
+@pytest.mark.parametrize(
+    ("change", "verdict"),
+    [
+        ("tilt after", "samples follow the pdf"),
+        ("stuck", "no atom"),
+        ("stuck", "samples follow the pdf"),
+        ("nan", "valid samples"),
+        ("off", "valid samples"),
+        ("one", "∫ pdf"),
+        ("one", "samples follow the pdf"),
+        ("other pdf", "pdf of a sample"),
+        ("weight", "weight of a sample"),
+        ("weight", "mean weight"),
+        ("scaled", "∫ pdf"),
+        ("negative", "valid density"),
+    ],
+)
+def test_a_broken_sampler_fails_in_the_right_place(change: str, verdict: str) -> None:
+    report = audit(Changed(BASE.near(0.2), change), theta_r=np.radians([-60, 60]), name=change)
+    assert verdict in failed(report), report
+    assert audit(Changed(BASE.near(0.2), "nothing"), theta_r=np.radians([-60, 60])).ok
+
+
+class Bins:
+    """A table of azimuths: 64 bins where samples are drawn, 63 where the pdf is told."""
+
+    weight = 1 + 0.5 * np.cos(np.linspace(0, 2 * np.pi, 64, endpoint=False))
+
+    def __init__(self, told: int) -> None:
+        self.told = told
+
+    def sample(self, theta_r: float, u: np.ndarray) -> tuple[np.ndarray, ...]:
+        bins = np.searchsorted(np.cumsum(self.weight) / self.weight.sum(), u[:, 0], side="right").clip(0, 63)
+        return np.arcsin(2 * u[:, 2] - 1), -np.pi + (bins + u[:, 1]) * 2 * np.pi / 64
+
+    def pdf(self, theta_i: np.ndarray, theta_r: float, phi: np.ndarray) -> np.ndarray:
+        bins = np.floor((np.asarray(phi) + np.pi) / (2 * np.pi) * self.told).astype(int).clip(0, self.told - 1)
+        weight = self.weight[: self.told]
+        return weight[bins] / weight.sum() * self.told / (4 * np.pi)
+
+
+def test_bins_that_do_not_line_up_are_seen_and_those_that_do_pass() -> None:
+    right, wrong = (audit(Bins(told), theta_r=[0.0], samples=200_000) for told in (64, 63))
+    assert right.ok, right
+    assert failed(wrong) == {"samples follow the pdf"}
+
+
+def test_density_where_f_is_and_is_not() -> None:
+    uniform = {"sample": lambda t, u: (np.arcsin(2 * u[:, 0] - 1), 2 * np.pi * u[:, 1] - np.pi)}
+
+    def flat(theta_i: np.ndarray, theta_r: float, phi: np.ndarray) -> np.ndarray:
+        return np.full(np.shape(theta_i), 1 / (4 * np.pi))
+
+    half = audit(uniform["sample"], flat, Hemisphere().eval, theta_r=[0.0])
+    assert half.ok, half
+    assert half.cases[0].wasted == pytest.approx(0.5, abs=1e-3)
+    assert any("wasted" in n for n in half.notes)
+    lost = audit(Hemisphere().sample, Hemisphere().pdf, lambda t, r, p: np.full(np.shape(t), 0.1), theta_r=[0.0])
+    assert "reach" in failed(lost)
+    assert lost.cases[0].lost == pytest.approx(0.5, abs=1e-3)
+
+
+def test_reciprocity_and_energy_are_asked_for() -> None:
+    gaussian = cuticle.Marschner(cuticle.Fibre(alpha_R=-7.5, sigma_a=0.05, beta_N=20.0))
+    sampler = cuticle.fit(gaussian, 2).sampler
+    report = audit(sampler, eval=gaussian.eval, theta_r=[0.0], reciprocity=True, energy=True)
+    verdicts = {v.name: v for v in report.verdicts}
+    assert verdicts["reciprocity"].passed  # Marschner's own form is reciprocal and makes light
+    assert not verdicts["energy"].passed
+    near = audit(BASE.near(0.3), theta_r=[0.0], reciprocity=True, energy=True)
+    assert failed(near) == {"reciprocity"}
+
+
+def test_it_says_where_and_which_lobe() -> None:
+    report = audit(Changed(BASE.near(0.2), "stuck"), theta_r=[0.5])
+    case = report.worst
+    assert case.region is not None
+    assert case.region.theta[0] <= 0.25 <= case.region.theta[1]
+    assert case.region.drawn > case.region.expected
+    assert case.repeated[0].angle == pytest.approx(np.degrees(0.25), abs=1e-4)
+    assert "at exactly theta_i = 14.324°" in repr(report)
+    plain = json.loads(json.dumps(report.to_dict(), allow_nan=False))
+    assert plain["ok"] is False
+    assert "maps" not in plain["cases"][0]
+
+
+def test_the_picture_is_one(tmp_path: Path) -> None:
+    report = audit(BASE.near(0.2), theta_r=[0.0, 0.5], samples=20_000)
+    data = report.figure(tmp_path / "audit.png", theta_r=0.5)
+    assert data[:8] == b"\x89PNG\r\n\x1a\n"
+    assert (tmp_path / "audit.png").read_bytes() == data
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: audit(3), "sample must be a function, got int"),
+        (lambda: audit(lambda t, u: u, None), "pdf must be a function"),
+        (lambda: audit(BASE.near(0), samples=10), r"samples must be in \[10000"),
+        (lambda: audit(BASE.near(0), theta_r=[2.0]), "theta_r must lie in"),
+        (lambda: audit(BASE.near(0), level=0), "level must be in"),
+        (lambda: audit(lambda t, u: (u[:, 0],), lambda *a: 1.0, samples=10_000), "must return theta_i, phi"),
+        (lambda: audit(lambda t, u: 1 / 0, lambda *a: 1.0, samples=10_000), "raised ZeroDivisionError"),
+        (lambda: audit(BASE.near(0).sample, lambda t, r, p: np.ones((3, 3)), theta_r=[0]), "must return one value"),
+        (lambda: audit(BASE.near(0).sample, BASE.near(0).pdf, reciprocity=True), "give eval"),
+    ],
+)
+def test_bad_input_is_one_line(call: Callable[[], Any], message: str) -> None:
+    with pytest.raises((ValueError, TypeError), match=message) as caught:
+        call()
+    assert "\n" not in str(caught.value)
+
+
+# ---- its parts
+
+
+def test_integrals_of_what_jumps_and_what_peaks() -> None:
+    theta, phi = np.linspace(-np.pi / 2, np.pi / 2, 21), np.linspace(-np.pi, np.pi, 31)
+
+    def function(t: np.ndarray, p: np.ndarray) -> np.ndarray:
+        peak = np.exp(-(t**2 + (p - 1) ** 2) / (2 * 0.01**2)) / (2 * np.pi * 0.01**2) / np.cos(t)
+        return np.column_stack([(p > 0.123) + peak, peak])
+
+    result = integrate(function, theta, phi, 1e-3)
+    exact = 2 * (np.pi - 0.123) + 1
+    assert result.value[..., 0].sum() == pytest.approx(exact, abs=result.error[..., 0].sum() + 1e-6)
+    assert result.error[..., 0].sum() < 0.02
+    assert result.value[..., 1].sum() == pytest.approx(1, abs=1e-3)
+
+
+def test_chi_square_is_uniform_where_the_expectation_is_right() -> None:
+    rng = np.random.default_rng(5)
+    share = rng.dirichlet(np.full(400, 0.3)).reshape(20, 20)
+    values = [chi_square(rng.multinomial(5000, share.ravel()).reshape(20, 20), share * 5000).p_value for _ in range(400)]
+    assert 0.4 < np.mean(values) < 0.6
+    assert np.mean(np.array(values) < 0.05) < 0.09
+    moved = np.roll(share, 1)
+    assert chi_square(rng.multinomial(5000, moved.ravel()).reshape(20, 20), share * 5000).p_value < 1e-9
+
+
+# ---- Mitsuba's own
+
+
+@needs_mitsuba
+@pytest.mark.parametrize(("beta_m", "melanin"), [(0.25, 0.3), (0.3, 1.3)])
+def test_mitsubas_hair_is_flagged_at_theta_0(beta_m: float, melanin: float) -> None:
+    hair = cuticle.from_mitsuba("hair", h=0, longitudinal_roughness=beta_m, azimuthal_roughness=0.3, eumelanin=melanin)
+    report = audit(hair, theta_r=np.radians([-75, 0, 75]), samples=100_000)
+    assert "samples follow the pdf" in failed(report), report
+    region = report.worst.region
+    assert region is not None
+    assert region.theta[0] < 0 < region.theta[1]
+    assert region.theta[1] - region.theta[0] < 0.1
+    assert region.drawn > 2 * region.expected
+    assert abs(report.worst.repeated[0].angle) < 1e-3
+    assert not failed(report) & {"weight of a sample", "pdf of a sample", "reach", "valid samples"}
+
+
+@needs_mitsuba
+def test_mitsubas_hair_passes_where_it_is_rough() -> None:
+    hair = cuticle.from_mitsuba("hair", h=0, longitudinal_roughness=0.8, azimuthal_roughness=0.8)
+    report = audit(hair, theta_r=np.radians([-60, 0, 85]), samples=100_000)
+    assert report.ok, report
+
+
+# ---- files of samples
+
+
+def write(path: Path, theta: np.ndarray, phi: np.ndarray, pdf: np.ndarray, **others: np.ndarray) -> Path:
+    direction = np.column_stack([np.cos(theta) * np.cos(phi), np.sin(theta), np.cos(theta) * np.sin(phi)])
+    np.savez(path, direction=direction, pdf=pdf, **others)
+    return path
+
+
+def test_a_right_dump_passes(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    for i in range(20):
+        near = Chiang(beta_m=rng.uniform(0.1, 0.9), beta_n=rng.uniform(0.1, 0.9), eumelanin=1.3).near(rng.uniform(-0.9, 0.9))
+        s = near.sample(rng.uniform(-1.4, 1.4), rng.random((50_000, 3)))
+        report = audit_dump(write(tmp_path / f"{i}.npz", s.theta_i, s.phi, s.pdf))
+        assert report.ok, report
+        assert report.patches > 20
+    surface = Hemisphere().sample(0, rng.random((100_000, 3)))
+    report = audit_dump(write(tmp_path / "surface.npz", *surface[:3], weight=surface[3]))
+    assert report.ok, report
+    assert report.ess == pytest.approx(1)
+
+
+@pytest.mark.parametrize("broken", ["rougher pdf", "scaled pdf", "uniform pdf", "stuck", "nan", "negative weight"])
+def test_a_broken_dump_fails(broken: str, tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    near = Chiang(beta_m=0.25, beta_n=0.3, eumelanin=0.3).near(0.3)
+    theta, phi, pdf = (np.array(x) for x in near.sample(0.8, rng.random((200_000, 3))))
+    weight = np.ones(len(pdf))
+    if broken == "rougher pdf":
+        pdf = Chiang(beta_m=0.26, beta_n=0.3, eumelanin=0.3).near(0.3).pdf(theta, 0.8, phi)
+    if broken == "scaled pdf":
+        pdf = pdf * 1.03
+    if broken == "uniform pdf":
+        pdf = np.full_like(pdf, 1 / (4 * np.pi))
+    if broken == "stuck":
+        theta[:1000] = 0
+    if broken == "nan":
+        pdf[5] = np.nan
+    if broken == "negative weight":
+        weight[5] = -1
+    report = audit_dump(write(tmp_path / "d.npz", theta, phi, pdf, weight=weight))
+    assert not report.ok, report
+    assert json.loads(json.dumps(report.to_dict(), allow_nan=False))["ok"] is False
+
+
+def test_a_dump_as_csv_with_viewers(tmp_path: Path) -> None:
+    rng = np.random.default_rng(6)
+    rows = ["x,y,z,pdf,weight,viewer"]
+    for viewer in (0, 60):
+        s = BASE.near(0.1).sample(np.radians(viewer), rng.random((6000, 3)))
+        x, y, z = np.cos(s.theta_i) * np.cos(s.phi), np.sin(s.theta_i), np.cos(s.theta_i) * np.sin(s.phi)
+        rows += [f"{a:.9g},{b:.9g},{c:.9g},{p:.9g},1,{viewer}" for a, b, c, p in zip(x, y, z, s.pdf, strict=True)]
+    (tmp_path / "d.csv").write_text("\n".join(rows))
+    report = audit_dump(tmp_path / "d.csv")
+    assert report.ok, report
+    assert report.viewers == 2
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        ({"pdf": np.ones(3)}, "has no direction"),
+        ({"direction": np.ones((6000, 2)), "pdf": np.ones(6000)}, "direction has shape"),
+        ({"direction": np.ones((60, 3)), "pdf": np.ones(60)}, "at least 5,000 rows"),
+        ({"direction": np.ones((6000, 3)), "pdf": np.ones(6000), "weight": np.ones(5)}, "weight has shape"),
+    ],
+)
+def test_a_dump_that_is_none_is_one_line(arrays: dict[str, np.ndarray], message: str, tmp_path: Path) -> None:
+    np.savez(tmp_path / "d.npz", **arrays)
+    with pytest.raises(ValueError, match=message) as caught:
+        audit_dump(tmp_path / "d.npz")
+    assert "\n" not in str(caught.value)
+    (tmp_path / "cut.npz").write_bytes((tmp_path / "d.npz").read_bytes()[:50])
+    with pytest.raises(ValueError, match="cannot read samples"):
+        audit_dump(tmp_path / "cut.npz")
+
+
+# ---- the command
+
+
+def run(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "cuticle", *arguments], capture_output=True, text=True, check=False, cwd=cwd
+    )
+
+
+def test_the_command(tmp_path: Path) -> None:
+    BASE.save(tmp_path / "hair.toml")
+    done = run("audit", "hair.toml", "--h", "0.3", "--samples", "20000", "--theta-r=-60,0", "-o", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "passes" in done.stdout
+    assert (tmp_path / "out/audit.png").exists()
+    assert json.loads((tmp_path / "out/audit.json").read_text())["ok"] is True
+    s = BASE.near(0.1).sample(0.3, np.random.default_rng(1).random((20_000, 3)))
+    write(tmp_path / "d.npz", s.theta_i, s.phi, 1.3 * s.pdf)
+    done = run("audit", "d.npz", "--json", cwd=tmp_path)
+    assert done.returncode == 1
+    assert json.loads(done.stdout)["ok"] is False
+    for arguments, message in (
+        (("audit", "nothing"), "an audit needs"),
+        (("audit", "hair.toml", "x=1"), "key=value parameters go with mitsuba:PLUGIN"),
+        (("audit", "hair.toml", "--theta-r", "90"), "--theta-r must be in"),
+        (("audit", "hair.toml", "--h", "2"), "h must lie in"),
+        (("audit", "missing.npz"), "cannot read samples"),
+    ):
+        done = run(*arguments, cwd=tmp_path)
+        assert done.returncode == 2, done
+        assert message in done.stderr
+        assert len(done.stderr.strip().splitlines()) == 1
+
+
+@needs_mitsuba
+def test_the_command_audits_a_plugin(tmp_path: Path) -> None:
+    given = ("longitudinal_roughness=.25", "azimuthal_roughness=.3", "eumelanin=.3")
+    done = run("audit", "mitsuba:hair", *given, "--samples", "20000", "--theta-r=-75", "--json", cwd=tmp_path)
+    assert done.returncode == 1, done.stderr
+    plain = json.loads(done.stdout)
+    assert plain["cases"][0]["repeated"][0][:2] == ["theta_i", 0.0]
+    done = run("audit", "mitsuba:hair", "gloss=1", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "Mitsuba refuses" in done.stderr
+    done = run("audit", "mitsuba:dielectric", cwd=tmp_path)
+    assert "single directions only" in done.stderr
