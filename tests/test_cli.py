@@ -96,7 +96,7 @@ def test_help() -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("fit", "red", "-o", "x"), "fibre must be a preset (document, marschner, blond, brown, black) or a TOML file"),
+        (("fit", "red", "-o", "x"), "a scattering function must be a preset (document, marschner, blond, brown, black)"),
         (("fit", "none.toml", "-o", "x"), "cannot read fibre none.toml: No such file or directory"),
         (("fit", "broken.toml", "-o", "x"), "broken.toml is not valid TOML"),
         (("fit", "range.toml", "-o", "x"), "range.toml: beta_R must be in [0.1, 60] degrees, got 400"),
@@ -117,7 +117,7 @@ def test_help() -> None:
         (("check", "cut.json"), "it ends early (truncated?)"),
         (("check", "newer.json"), "newer than 1; upgrade cuticle"),
         (("check", "good.json", "--samples", "3"), "samples must be in [10000, 1e+08], got 3"),
-        (("check", "good.json", "--fibre", "red"), "fibre must be a preset"),
+        (("check", "good.json", "--fibre", "red"), "must be a preset"),
         (("check", "good.json", "-o", "none/r.json", "--samples", "10000"), "cannot write to none: No such file"),
         (("fibres", "--toml", "red"), "preset must be one of"),
         (("paint",), "No such command 'paint'"),
@@ -189,7 +189,7 @@ def test_document_prints_json_with_the_printed_tables(data: Path, tmp_path: Path
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("document", "nobody"), "fibre must be a preset"),
+        (("document", "nobody"), "must be a preset"),
         (("document", "--printed", "nowhere"), "table1.csv is missing"),
         (("report", "nowhere"), "is no folder"),
         (("report", "."), "holds none of fit.json, check.json, document.json"),

@@ -318,7 +318,7 @@ def test_without_the_printed_tables_all_else_stands(brown: Document) -> None:
     ("call", "words"),
     [
         (lambda t: document("nobody"), "preset must be one of"),
-        (lambda t: document(3), "fibre must be a preset's name, a Fibre or a DualScattering model, got int"),
+        (lambda t: document(3), "fibre must be a preset's name, a Fibre or a model with eval, got int"),
         (lambda t: Printed.load(t), "table1.csv is missing"),
         (
             lambda t: cuticle.fit(cuticle.DualScattering(cuticle.Fibre.preset("black")), form="document", functions=3),

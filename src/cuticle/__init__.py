@@ -15,6 +15,7 @@ from cuticle.models import Averages, Bcsdf, DualScattering, Marschner
 from cuticle.quality import ChannelBounds, Quality, channel_bounds, measure
 from cuticle.sampler import Sample, Sampler
 from cuticle.sources import Tabulated, from_callable, from_mitsuba
+from cuticle.strands import Strands
 from cuticle.version import __version__
 
 __all__ = [
@@ -34,6 +35,7 @@ __all__ = [
     "Report",
     "Sample",
     "Sampler",
+    "Strands",
     "Tabulated",
     "__version__",
     "audit",

@@ -27,11 +27,12 @@ from cuticle.headers import cmake_dir, include_dir
 from cuticle.lobe_table import MAX_LOBES
 from cuticle.models import DualScattering
 from cuticle.origin import model_of, read_model
-from cuticle.presets import PRESETS, read_fibre
+from cuticle.presets import PRESETS
 from cuticle.quality import channel_bounds
 from cuticle.render.command import app as render_app
 from cuticle.sampler import Sampler
-from cuticle.terminal import FibreArgument, JsonOption, ModelArgument, ParametersArgument, err, out, progress_bar
+from cuticle.strands import Strands
+from cuticle.terminal import JsonOption, ModelArgument, ParametersArgument, err, out, progress_bar
 from cuticle.version import __version__
 
 app = typer.Typer(
@@ -142,6 +143,8 @@ def fit_command(
         parsed = read_model(model, parameters or (), progress=progress)
     if counts is None and isinstance(parsed, DualScattering):
         counts = (0.0, 1.0, 2.0, 4.0, 8.0)
+    if counts is not None and not hasattr(parsed, "with_strands"):
+        parsed = Strands(parsed)
     folder = writable_directory(output)
     with progress_bar(json_output) as progress:
         result = fit(parsed, number, strands=counts, form=form, objective=objective, defensive=defensive, progress=progress)
@@ -176,6 +179,8 @@ def _save_model(model: Any, folder: Path) -> list[str]:
     """Write what a model was made of beside its sampler, where it has a file of its own; return the file's name."""
     if isinstance(model, DualScattering):
         return [model.fibre.save(folder / "fibre.toml").name]
+    if isinstance(model, Strands):
+        return _save_model(model.model, folder)
     if isinstance(model, Chiang):
         return [model.save(folder / "chiang.toml").name]
     return []
@@ -223,7 +228,8 @@ def check_command(
 
 @app.command("document")
 def document_command(
-    fibre: FibreArgument = "document",
+    model: ModelArgument = "document",
+    parameters: ParametersArgument = None,
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", metavar="DIR", help="Folder for document.json, and the figures as SVG and PNG."),
@@ -235,19 +241,20 @@ def document_command(
     json_output: JsonOption = False,
 ) -> None:
     """Reproduce and complete the draft description: its tables, functions, figures and claims, for any fibre."""
-    parsed = read_fibre(fibre)
-    tables = Printed.load(printed) if printed is not None else Printed.find() if fibre == "document" else None
+    with progress_bar(json_output) as progress:
+        parsed = read_model(model, parameters or (), progress=progress)
+    tables = Printed.load(printed) if printed is not None else Printed.find() if model == "document" else None
     if output is not None:
         writable_directory(output)
     with progress_bar(json_output) as progress:
-        result = document(parsed, printed=tables, name=Path(fibre).stem, progress=progress)
+        result = document(parsed, printed=tables, name=Path(model).stem, progress=progress)
         if output is not None:
             result.save(output, progress=progress)
     if json_output:
         print(json.dumps(result.to_dict(), indent=2, allow_nan=False))
         return
     _tell_document(result)
-    if fibre == "document" and tables is None:
+    if model == "document" and tables is None:
         out.print(
             "The draft's own tables are not at hand: --printed DIR (or $CUTICLE_DATA) compares with them.", soft_wrap=True
         )

@@ -15,7 +15,7 @@ def llvm_version() -> tuple[int, ...] | None:
 
 
 def check_llvm(variant: str) -> None:
-    """Raise RuntimeError with the remedy where an LLVM variant of Mitsuba would not run; other variants are not looked at."""
+    """Raise RuntimeError with the remedy where an LLVM variant of Mitsuba would not run; others are not looked at."""
     if not variant.startswith("llvm"):
         return
     remedy = (

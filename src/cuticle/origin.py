@@ -15,6 +15,7 @@ from cuticle.presets import PRESETS
 from cuticle.sampler import Sampler
 from cuticle.sources import Tabulated, from_mitsuba
 from cuticle.sources.functions import Progress
+from cuticle.strands import Strands
 
 MITSUBA = "mitsuba:"
 WHAT = f"a preset ({', '.join(PRESETS)}), a .toml with [fibre] or [chiang], a table (.npz, .csv), or {MITSUBA}PLUGIN"
@@ -82,6 +83,9 @@ def provenance(model: Any) -> dict[str, Any]:
         return {"fibre": fibre.model_dump(exclude_none=True, mode="json"), **about}
     if isinstance(model, Chiang):
         return {"chiang": model.model_dump(exclude_none=True, mode="json")}
+    if isinstance(model, Strands):
+        single = {"single": type(model.model).__name__}
+        return provenance(model.model) | single | {"among": {"d_f": model.d_f, "d_b": model.d_b}}
     source = getattr(model, "source", None)
     return {"source": source} if source else {}
 
@@ -95,9 +99,15 @@ def model_of(sampler: Sampler) -> Bcsdf:
         The sampler does not say which it was, or the table it names is gone or another.
     """
     about = sampler.about
+    if "among" in about:
+        return Strands(_single(about, sampler), sampler.covers[0], **about["among"])
+    return _single(about, sampler)
+
+
+def _single(about: dict[str, Any], sampler: Sampler) -> Bcsdf:
     fibre = sampler.fibre
     if isinstance(fibre, Fibre):
-        if about.get("model") == "Marschner":
+        if "Marschner" in (about.get("model"), about.get("single")):
             return Marschner(fibre, about.get("longitudinal", "gaussian"))
         return DualScattering(fibre, sampler.covers[0], about.get("formulation"))
     if "chiang" in about:
@@ -106,7 +116,7 @@ def model_of(sampler: Sampler) -> Bcsdf:
     if "path" in source:
         return _table(source)
     if "parameters" in source:
-        options = {"grid": tuple(source["grid"])} if "grid" in source else {}
+        options: dict[str, Any] = {"grid": tuple(source["grid"])} if "grid" in source else {}
         return from_mitsuba(source["parameters"], source.get("h"), **options)
     raise ValueError(
         "this sampler does not say which scattering function it is for: it was fitted to a function of your own, or to none;"

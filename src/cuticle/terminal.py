@@ -16,9 +16,6 @@ out = Console() if sys.stdout.isatty() else Console(width=118)
 err = Console(stderr=True)
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON for scripts instead of a table.")]
-FibreArgument = Annotated[
-    str, typer.Argument(metavar="PRESET|FILE.toml", help="A preset's name, or a TOML file with a table named fibre.")
-]
 ModelArgument = Annotated[
     str,
     typer.Argument(

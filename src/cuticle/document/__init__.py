@@ -33,8 +33,9 @@ from cuticle.document.tables import (
 from cuticle.fibre import Fibre
 from cuticle.files import writable_directory, write_bytes, write_text
 from cuticle.fit import Fit, Progress, fit
-from cuticle.models import DualScattering
+from cuticle.models import Bcsdf, DualScattering
 from cuticle.quality import UniformSphere, measure
+from cuticle.strands import Strands
 
 __all__ = [
     "Choice",
@@ -111,7 +112,7 @@ class Document:
     """
 
     name: str
-    model: DualScattering
+    model: DualScattering | Strands
     axis: float
     table_1: tuple[PeakRow, ...]
     table_2: tuple[SliceRow, ...]
@@ -127,7 +128,7 @@ class Document:
     seconds: float = 0.0
 
     def __repr__(self) -> str:
-        lines = [f"Document({self.name or self.model.fibre!r}, {self.model.formulation}, {self.seconds:.1f} s)"]
+        lines = [f"Document({self.name or repr(self.model)}, {self.seconds:.1f} s)"]
         if self.found is not None:
             for name, choice in self.found.choices.items():
                 lines.append(f"  {name} = {choice.best.text()}")
@@ -162,7 +163,7 @@ class Document:
 
 
 def document(
-    fibre: str | Fibre | DualScattering = "document",
+    fibre: str | Fibre | Bcsdf = "document",
     *,
     printed: Printed | None = None,
     lobes: Fit | None = None,
@@ -174,7 +175,8 @@ def document(
     Parameters
     ----------
     fibre
-        A preset's name, a fibre, or a model of one.
+        A preset's name, a fibre, or a model: one that has `with_strands`, or the function of a single strand, which is
+        then put among others (`cuticle.Strands`).
     printed
         The draft's tables to compare with, from `Printed.load`; they belong to the `document` fibre.
     lobes
@@ -197,9 +199,10 @@ def document(
     if isinstance(fibre, str):
         name = name or fibre
         fibre = Fibre.preset(fibre)
-    if not isinstance(fibre, (Fibre, DualScattering)):
-        raise TypeError(f"fibre must be a preset's name, a Fibre or a DualScattering model, got {type(fibre).__name__}")
-    model = DualScattering(fibre) if isinstance(fibre, Fibre) else fibre.with_strands(0.0)
+    if not isinstance(fibre, Fibre) and not callable(getattr(fibre, "eval", None)):
+        raise TypeError(f"fibre must be a preset's name, a Fibre or a model with eval, got {type(fibre).__name__}")
+    model: Any = DualScattering(fibre) if isinstance(fibre, Fibre) else fibre
+    model = model.with_strands(0.0) if hasattr(model, "with_strands") else Strands(model)
     if lobes is not None and lobes.sampler.strands != COUNTS:
         counts = ", ".join(f"{n:g}" for n in lobes.sampler.strands)
         raise ValueError(f"lobes must cover the strand counts 0, 1, 2, 4, 8; got {counts}; fit with those counts")
@@ -256,7 +259,7 @@ def document(
     )
 
 
-def _quality(model: DualScattering, fits: dict[str, Fit]) -> dict[str, dict[str, dict[str, float]]]:
+def _quality(model: DualScattering | Strands, fits: dict[str, Fit]) -> dict[str, dict[str, dict[str, float]]]:
     """Return the uniform sphere's quality and that of the fits, who measured theirs already."""
 
     def means(ess: NDArray[np.float64], variation: NDArray[np.float64]) -> dict[str, dict[str, float]]:
@@ -274,7 +277,7 @@ def _quality(model: DualScattering, fits: dict[str, Fit]) -> dict[str, dict[str,
     return quality
 
 
-def _mixing(model: DualScattering, lobes: Fit, strands: float | None) -> Mixing:
+def _mixing(model: DualScattering | Strands, lobes: Fit, strands: float | None) -> Mixing:
     others = [model.with_strands(n) for n in ([strands] if strands is not None else COUNTS[1:])]
     table, best = [], []
     combined = [combine(lobes.sampler, lobes.sampler, w, strands=strands) for w in WEIGHTS]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from cuticle.document.functions import Choice
 from cuticle.document.gaussians import Gaussian
 from cuticle.fit.document import ClosedForm
+from cuticle.origin import provenance
 from cuticle.version import __version__
 
 if TYPE_CHECKING:
@@ -20,14 +21,15 @@ Cell = dict[str, float | None]
 
 def plain(d: Document) -> dict[str, Any]:
     """Return a Document as plain values."""
-    found = d.found
+    found, of = d.found, provenance(d.model)
     return {
         "format": FORMAT,
         "version": VERSION,
         "cuticle": __version__,
         "name": d.name,
-        "fibre": d.model.fibre.model_dump(exclude_none=True, mode="json"),
-        "formulation": d.model.formulation,
+        "fibre": of["fibre"] if "fibre" in of else of.get("chiang", {}),
+        "model": repr(d.model),
+        "formulation": of.get("formulation"),
         "highlight_phi_deg": math.degrees(d.axis),
         "seconds": round(d.seconds, 2),
         "table_1": _table_1(d),

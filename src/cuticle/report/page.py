@@ -357,9 +357,12 @@ def _densities(folder: Path) -> str | None:
 
 def _fibre(found: dict[str, Any], folder: Path) -> dict[str, Any]:
     if "document.json" in found:
-        return dict(found["document.json"].get("fibre") or {}) | {"formulation": found["document.json"].get("formulation")}
+        made = found["document.json"]
+        return dict(made.get("fibre") or {"model": made.get("model")}) | {"formulation": made.get("formulation")}
     if (folder / "sampler.json").is_file():
-        return dict((_read(folder / "sampler.json").get("about") or {}).get("fibre") or {})
+        about = _read(folder / "sampler.json").get("about") or {}
+        source = about.get("source") or {}
+        return dict(about.get("fibre") or about.get("chiang") or {k: str(v) for k, v in source.items()})
     return {}
 
 

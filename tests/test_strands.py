@@ -1,0 +1,108 @@
+"""Any single strand's function among others, against `DualScattering`, which knows its lobes in closed form."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cuticle
+from cuticle import Chiang, DualScattering, Fibre, Strands
+from cuticle.origin import model_of
+
+THETA = np.linspace(-1.5, 1.5, 160)
+PHI = np.linspace(0, np.pi, 60)
+COSINES = np.cos(THETA)[:, None, None] ** 2
+
+
+def energy(model: object, theta_r: float) -> np.ndarray:
+    f = model.eval(THETA[:, None], theta_r, PHI)  # type: ignore[attr-defined]
+    return (f * COSINES).sum(axis=(0, 1))
+
+
+@pytest.fixture(scope="module", params=["blond", "brown", "black"])
+def pair(request: pytest.FixtureRequest) -> tuple[DualScattering, Strands]:
+    dual = DualScattering(Fibre.preset(request.param))
+    return dual, Strands(dual.single)
+
+
+def test_a_fibres_own_function_gives_what_its_lobes_give(pair: tuple[DualScattering, Strands]) -> None:
+    dual, ours = pair
+    for n, limit in ((0, 0.01), (0.5, 0.03), (1, 0.06), (2, 0.09), (4, 0.12), (8, 0.15)):
+        for theta_r in np.radians([-45, -20, 0, 30]):
+            a, b = (m.with_strands(n).eval(THETA[:, None], theta_r, PHI) for m in (dual, ours))
+            assert (np.abs(a - b) * COSINES).sum() < limit * (a * COSINES).sum(), (n, np.degrees(theta_r))
+    for theta_r in np.radians([-75, 60, 80]):  # near the poles the shape is another, the energy is not
+        for n in (0, 1, 4):
+            np.testing.assert_allclose(
+                energy(ours.with_strands(n), theta_r), energy(dual.with_strands(n), theta_r), rtol=0.06
+            )
+
+
+def test_a_sampler_fitted_to_it_serves_the_closed_form() -> None:
+    dual = DualScattering(Fibre.preset("brown"))
+    fitted = cuticle.fit(Strands(dual.single), 4, strands=(0, 1, 2, 4, 8))
+    assert all(mean > 0.985 for _, mean, _, _ in fitted.summary)
+    for n in (0, 1, 2, 4, 8):
+        for theta_r in np.radians([-60, -30, 0, 45]):
+            assert cuticle.measure(fitted.sampler, dual.with_strands(n), theta_r, n).ess > 0.94, (n, np.degrees(theta_r))
+    again = model_of(fitted.sampler)
+    assert isinstance(again, Strands)
+    np.testing.assert_allclose(again.with_strands(2).eval(0.1, 0.2, 1), Strands(dual.single, 2).eval(0.1, 0.2, 1))
+
+
+def test_a_near_field_has_two_sides() -> None:
+    model = Strands(Chiang(eumelanin=1.3).near(0.7), 1)
+    assert not model.even
+    f = model.eval(THETA[:, None], 0.3, np.array([-2.0, 2.0]))
+    assert np.abs(f[:, 0] - f[:, 1]).max() > 0.02 * f.max()
+    mirror = Strands(Chiang(eumelanin=1.3).near(-0.7), 1)
+    np.testing.assert_allclose(mirror.eval(0.1, 0.3, -2.0), model.eval(0.1, 0.3, 2.0), rtol=1e-6)
+
+
+def test_light_is_lost_and_never_made() -> None:
+    model = Strands(Chiang(eumelanin=0.3))
+    before = energy(model.with_strands(1), 0.2)
+    for n in (1.5, 2, 5, 40):
+        now = energy(model.with_strands(n), 0.2)
+        assert (now < before).all()
+        before = now
+    assert np.isfinite(model.with_strands(10_000).eval(0, 0, 0)).all()
+
+
+def test_bad_input_is_one_line() -> None:
+    with pytest.raises(ValueError, match=r"must stay below 1 for strands to be summed, got 1"):
+        Strands(Chiang(sigma_a=0.0)).eval(0, 0, 0)
+    with pytest.raises(TypeError, match="knows its strands already"):
+        Strands(DualScattering(Fibre.preset("brown")))
+    with pytest.raises(TypeError, match="model must have eval"):
+        Strands(3)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="strands must be in"):
+        Strands(Chiang(eumelanin=1), -1)
+    with pytest.raises(ValueError, match="d_f must be in"):
+        Strands(Chiang(eumelanin=1), d_f=2)
+
+
+def test_the_command_puts_a_function_among_others(tmp_path: Path) -> None:
+    def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-m", "cuticle", *arguments]
+        return subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
+
+    Chiang(eumelanin=1.3).save(tmp_path / "hair.toml")
+    done = run("fit", "hair.toml", "-o", "out", "--strands", "0,1,2,4,8", "--lobes", "2")
+    assert done.returncode == 0, done.stderr
+    assert cuticle.Sampler.load(tmp_path / "out/sampler.json").about["among"] == {"d_f": 0.7, "d_b": 0.7}
+    done = run("check", "out", "--samples", "100000", "--strands", "0,3")
+    assert done.returncode == 0, done.stdout
+    done = run("document", "hair.toml", "-o", "out")
+    assert done.returncode == 0, done.stderr
+    data = json.loads((tmp_path / "out/document.json").read_text())
+    assert data["model"].startswith("Strands(Chiang(")
+    assert data["fibre"]["eumelanin"] == 1.3
+    done = run("report", "out")
+    assert done.returncode == 0, done.stderr
+    assert "eumelanin" in (tmp_path / "out/report.html").read_text()
