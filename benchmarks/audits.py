@@ -49,13 +49,14 @@ def row(given: dict[str, Any], h: float, samples: int) -> tuple[str, cuticle.Aud
         return f"| {name} | {h:g} | – | | | {error} |", None
     made = cuticle.audit(material, theta_r=VIEWERS, samples=samples, name=name.strip("`"))
     worst = made.worst
-    wrong = "; ".join(f"{v.name}: {v.where}" for v in made.verdicts if not v.passed) or "; ".join(made.notes)
+    failed = [v.name for v in made.verdicts if not v.passed]
+    wrong = ", ".join(failed) if failed else "; ".join(made.notes)
+    if worst.region is not None:
+        wrong += f". At θ_r {np.degrees(worst.theta_r):.0f}° {worst.region.text()}"
+        wrong += "".join(f"; {r.text()}" for r in worst.repeated) + (f"; {worst.lobe}" if worst.lobe else "")
     ess = [c.ess for c in made.cases]
     verdict = "passes" if made.ok else "**fails**"
-    return (
-        f"| {name} | {h:g} | {verdict} | {worst.p_value:.1g} | {min(ess):.3f} to {max(ess):.3f} | {wrong} |",
-        made,
-    )
+    return f"| {name} | {h:g} | {verdict} | {worst.p_value:.1g} | {min(ess):.3f} to {max(ess):.3f} | {wrong} |", made
 
 
 def main() -> None:

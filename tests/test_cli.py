@@ -97,7 +97,7 @@ def test_help() -> None:
     ("arguments", "words"),
     [
         (("fit", "red", "-o", "x"), "a scattering function must be a preset (document, marschner, blond, brown, black)"),
-        (("fit", "none.toml", "-o", "x"), "cannot read fibre none.toml: No such file or directory"),
+        (("fit", "none.toml", "-o", "x"), "cannot read model none.toml: No such file or directory"),
         (("fit", "broken.toml", "-o", "x"), "broken.toml is not valid TOML"),
         (("fit", "range.toml", "-o", "x"), "range.toml: beta_R must be in [0.1, 60] degrees, got 400"),
         (("fit", "nan.toml", "-o", "x"), "nan.toml: eta must be in (1, 3], got nan"),

@@ -52,7 +52,11 @@ def test_between_its_points_a_table_is_its_function(clean: Values) -> None:
     assert (np.abs(f - g) * weight).mean() / (g * weight).mean() < 0.02
     at = table.eval(clean[1][40], clean[0][3], clean[2][7])
     np.testing.assert_allclose(at, clean[3][3, 40, 7], rtol=1e-9)
-    assert table.eval(np.zeros((2, 1)), 0.0, np.zeros(3)).shape == (2, 3, 3)
+    # A grid for one viewer goes another way to the same values.
+    for made in (table, Tabulated(*values(BROWN.near(0.4)))):
+        np.testing.assert_allclose(
+            made.eval(ti[:20, None], 0.31, phi[:30]), made.eval(ti[:20, None], np.full((20, 30), 0.31), phi[:30]), rtol=1e-12
+        )
 
 
 def test_noise_and_holes_cost_a_sampler_next_to_nothing(clean: Values, own_fit: cuticle.Fit) -> None:

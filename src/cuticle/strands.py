@@ -150,8 +150,8 @@ class Strands:
         return np.array(spread), _Averages(a_f, alpha_f, beta_f, *np.moveaxis(back, 2, 0))
 
     def _backscatter(self, theta_i: Array, theta_r: Array, phi: ArrayLike) -> Array:
-        """The backscatter of the strands behind, for light that comes directly."""
-        shape = np.broadcast_shapes(theta_i.shape, theta_r.shape, np.shape(phi))
+        """The backscatter of the strands behind, for light that comes directly: the same for all phi."""
+        shape = np.broadcast_shapes(theta_i.shape, theta_r.shape)
         ti, tr = (np.broadcast_to(x, shape).ravel() for x in (theta_i, theta_r))
         averages = self._tables[1]
         out = np.empty((len(ti), self.channels))
@@ -161,7 +161,10 @@ class Strands:
                 for column in (averages.back_energy, averages.back_shift, averages.back_deviation)
             )
             out[:, c] = self.d_b * energy / np.pi * _m(ti, 2 * shift - tr, 4 * deviation**2) / _cosine(ti)
-        return out.reshape(*shape, self.channels)
+        whole = np.broadcast_shapes(shape, np.shape(phi))
+        return np.broadcast_to(
+            out.reshape(*(1,) * (len(whole) - len(shape)), *shape, self.channels), (*whole, self.channels)
+        )
 
     def _through(self, n: float) -> Tabulated:
         tables = self._shared.setdefault("through", {})

@@ -19,10 +19,10 @@ MAX_DIMENSIONS = 32
 class Drawn:
     """Samples of one viewer.
 
-    `kept`: of the n that were asked for, those that are directions with a density; `pdf`, `weight` (luminance) as they
-    came with them, or None. `dropped`: answers that say there is no direction (pdf 0). `invalid`: NaN or infinite angles,
-    pdf or weight, or a negative pdf; `outside`: theta beyond a pole or phi beyond two turns. `biased`: no direction,
-    yet a weight.
+    Of those `asked` for, the ones kept are directions with a density; `pdf`, `weight` (luminance) as they came with them, or
+    None. `dropped`: answers that say there is no direction: pdf 0, or weight 0 where f is above 0 or the pdf asked for is 0.
+    `invalid`: NaN or infinite angles, pdf or weight, or a negative pdf; `outside`: theta beyond a pole or phi beyond two
+    turns. `biased`: no direction, yet a weight.
     """
 
     theta: Array
@@ -65,6 +65,12 @@ class Subject:
         if weight is not None:
             finite &= np.isfinite(weight)
             biased = int((none & (weight > 0)).sum())
+            # Hosts that fail a sample leave its pdf and return no weight: so it is where there is no density, or where f
+            # is above 0. A weight of 0 where f is 0 is what it should be.
+            dark = np.flatnonzero(finite & ~none & (weight == 0) & (np.abs(theta) <= np.pi / 2))
+            if len(dark):
+                p, f = self.values(theta[dark], theta_r, phi[dark])
+                none[dark] = (p == 0) | (False if f is None else f.max(axis=1) > 0)
         inside = none | ((np.abs(theta) <= np.pi / 2 + 1e-5) & (np.abs(phi) <= 4 * np.pi))
         keep = finite & inside & ~none
         wrapped = np.pi - np.mod(np.pi - phi[keep], 2 * np.pi)

@@ -45,7 +45,7 @@ class Function:
         tr = validate.angles("theta_r", theta_r, validate.HALF_PI, np.float64)
         ph = validate.angles("phi", phi, 4 * np.pi, np.float64)
         shape = validate.broadcast(theta_i=ti, theta_r=tr, phi=ph)
-        return _call(self.function, *(np.ascontiguousarray(np.broadcast_to(x, shape)) for x in (ti, tr, ph)))
+        return _call(self.function, *(np.array(np.broadcast_to(x, shape)) for x in (ti, tr, ph)))
 
 
 def from_callable(

@@ -85,7 +85,10 @@ class MitsubaBsdf:
         return density[0].reshape(shape)
 
     def sample(self, theta_r: ArrayLike, u: ArrayLike) -> WeightedSample:
-        """Draw directions; u (..., 3) are Mitsuba's sample1 and sample2. A failed sample has pdf 0 and weight 0."""
+        """Draw directions; u (..., 3) are Mitsuba's sample1 and sample2.
+
+        A sample of a single direction (a smooth interface's), which has no density, comes with pdf 0 and weight 0.
+        """
         us = validate.array("u", u, 0, 1, np.float32, remedy="u are random numbers in [0, 1)", open_end=True)
         if us.ndim < 1 or us.shape[-1] != 3:
             raise ValueError(f"u must have shape (..., 3), got {us.shape}")
@@ -103,7 +106,8 @@ class MitsubaBsdf:
             wo, pdf, weight, kind = _run(mi, once, wi, us.T)
         wo = wo.T
         length = np.linalg.norm(wo, axis=1)
-        density = np.where((kind[0].astype(np.int64) & delta) != 0, 0.0, pdf[0])
+        single = (kind[0].astype(np.int64) & delta) != 0  # single directions: no density, and no part of f
+        density, weight = np.where(single, 0.0, pdf[0]), np.where(single, 0.0, weight)
         theta = np.arcsin(np.clip(wo[:, 1] / np.maximum(length, 1e-30), -1, 1))
         phi = np.arctan2(wo[:, 2], wo[:, 0]) - self._viewer
         phi = np.pi - np.mod(np.pi - phi, 2 * np.pi)

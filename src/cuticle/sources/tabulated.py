@@ -127,6 +127,8 @@ class Tabulated:
         tr = validate.angles("theta_r", theta_r, validate.HALF_PI, np.float64)
         ph = validate.angles("phi", phi, 4 * np.pi, np.float64)
         shape = validate.broadcast(theta_i=ti, theta_r=tr, phi=ph)
+        if tr.size == 1 and ti.ndim == 2 and ti.shape[1] == 1 and ph.shape in ((shape[1],), (1, shape[1])):
+            return self._grid(ti[:, 0], float(tr.ravel()[0]), ph.ravel())
         ti, tr, ph = (np.broadcast_to(x, shape).ravel() for x in (ti, tr, ph))
         if self._mirrored:
             other = tr < 0 if self.theta_r[0] >= 0 else tr > 0
@@ -144,6 +146,21 @@ class Tabulated:
                     out[used] += (weight[used] * wa * wb)[:, None] * self.values[sheet, a + da, b + db]
         out /= np.maximum(np.cos(ti), _POLE)[:, None]
         return out.reshape(*shape, self.channels)
+
+    def _grid(self, ti: NDArray, tr: float, ph: NDArray) -> NDArray[np.float64]:
+        """The same for one viewer over the product of two axes: one axis after the other."""
+        if self._mirrored and tr * (1 if self.theta_r[0] >= 0 else -1) < 0:
+            ti, tr = -ti, -tr
+        row, t = (x[0] for x in _locate(self.theta_r, np.array([tr])))
+        column, v = self._column(ph)
+        out = np.zeros((len(ti), len(ph), self.channels))
+        for sheet, weight in ((row, 1 - t), (min(row + 1, len(self.theta_r) - 1), t)):
+            if weight > 0:
+                a, s = _locate(self.theta_i, ti + tr - self.theta_r[sheet])
+                at = self.values[sheet]
+                rows = (1 - s)[:, None, None] * at[a] + s[:, None, None] * at[a + 1]
+                out += weight * ((1 - v)[:, None] * rows[:, column] + v[:, None] * rows[:, column + 1])
+        return out / np.maximum(np.cos(ti), _POLE)[:, None, None]
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the table to an .npz file, whole or not at all."""
