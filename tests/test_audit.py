@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -451,3 +452,31 @@ def test_the_command_audits_a_plugin(tmp_path: Path) -> None:
     assert "Mitsuba refuses" in done.stderr
     done = run("audit", "mitsuba:dielectric", cwd=tmp_path)
     assert "single directions only" in done.stderr
+
+
+@pytest.mark.skipif(shutil.which("g++") is None, reason="g++ is not installed")
+def test_the_dump_that_the_docs_show(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[1] / "docs/audit.md").read_text(encoding="utf-8")
+    code = text.split("```cpp\n")[1].split("```")[0]
+    program = """
+#include <cmath>
+#include <random>
+struct Uniform {
+    struct Sample { double x, y, z, pdf, weight; };
+    mutable std::mt19937 random;
+    Sample sample(int) const {
+        std::uniform_real_distribution<double> u(0, 1);
+        const double y = 2 * u(random) - 1, a = 6.283185307179586 * u(random), r = std::sqrt(1 - y * y);
+        return {r * std::cos(a), y, r * std::sin(a), PDF, 1};
+    }
+};
+int main() { dump(Uniform{}, "dump.csv", 6000); }
+"""
+    (tmp_path / "dump.cpp").write_text(code + program)
+    for pdf, right in (("0.07957747154594767", True), ("0.1", False)):
+        flags = ["-std=c++17", "-Wall", "-Wextra", "-Werror", f"-DPDF={pdf}"]
+        subprocess.run(["g++", *flags, "dump.cpp", "-o", "dump"], check=True, cwd=tmp_path)
+        subprocess.run([str(tmp_path / "dump")], check=True, cwd=tmp_path)
+        report = audit_dump(tmp_path / "dump.csv")
+        assert report.viewers == 7
+        assert report.ok == right, report
