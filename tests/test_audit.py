@@ -112,6 +112,34 @@ def _refuse() -> float:
     raise TypeError("one at a time")
 
 
+class Needle:
+    """Even over the sphere, but for half a percent within a spot that no quadrature would meet."""
+
+    share, centre, width = 0.005, (0.37, 1.23), 0.002
+
+    def sample(self, theta_r: float, u: np.ndarray) -> tuple[np.ndarray, ...]:
+        theta, phi = np.arcsin(2 * u[:, 1] - 1), 2 * np.pi * u[:, 2] - np.pi
+        spot = u[:, 0] < self.share
+        sines = np.sin(self.centre[0]) + self.width * (2 * u[:, 1] - 1)
+        theta, phi = (
+            np.where(spot, np.arcsin(sines), theta),
+            np.where(spot, self.centre[1] + self.width * (2 * u[:, 2] - 1), phi),
+        )
+        return theta, phi, self.pdf(theta, theta_r, phi)
+
+    def pdf(self, theta_i: np.ndarray, theta_r: float, phi: np.ndarray) -> np.ndarray:
+        inside = (np.abs(np.sin(theta_i) - np.sin(self.centre[0])) < self.width) & (
+            np.abs(phi - self.centre[1]) < self.width
+        )
+        return (1 - self.share) / (4 * np.pi) + inside * self.share / (4 * self.width**2)
+
+
+def test_a_needle_that_is_in_the_density_is_no_fault() -> None:
+    report = audit(Needle(), theta_r=[0.0])
+    assert report.ok, report
+    assert report.cases[0].integral == pytest.approx(1, abs=report.cases[0].integral_error + 1e-4)
+
+
 # ---- what is broken
 
 

@@ -44,6 +44,13 @@ template <class Float> struct Traced {
         cuticle::dual_scattering_terms(m, theta_i, theta_r, n, cuticle::mask_all, terms);
         cuticle::dual_scattering_around(m, terms, theta_i, theta_r, phi, n, f);
     }
+    static cuticle::Sample<Float> chiang(const cuticle::ChiangFibre<float> &hair, const Float &theta_r, const Float &h,
+                                         const float *sigma_a, const float *luminance, const Float *u, Float *f) {
+        const auto state = cuticle::chiang_state(hair, theta_r, h, sigma_a, luminance, 3);
+        const auto s = cuticle::chiang_sample(hair, state, u[0], u[1], u[2]);
+        cuticle::chiang_eval(hair, state, sigma_a, 3, cuticle::mask_all, s.theta_i, s.phi, f);
+        return s;
+    }
     static Float count(const cuticle::DensityGrid<float, Float> &grid, const Float *origin, const Float *d,
                        const Float &far) {
         return cuticle::count_strands(grid, origin, cuticle::Direction<Float>{d[0], d[1], d[2]}, far);

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from cuticle.audit.cells import integrate
+from cuticle.audit.cells import integrate, place
 from cuticle.audit.subject import Drawn, Subject, bright
 from cuticle.audit.where import Region, Repeated, repeated_angles, worst_region
 from cuticle.chi_square import chi_square
@@ -117,7 +117,8 @@ def examine(subject: Subject, theta_r: float, samples: int, critical: float, rng
     pilot = subject.draw(theta_r, PILOT, rng)
     theta, phi = _edges(pilot.theta, np.pi / 2), _edges(pilot.phi, np.pi)
     asked = _Asked(subject, theta_r)
-    integrals = integrate(asked, theta.fine, phi.fine, _TOLERANCE)
+    seen = pilot.theta, pilot.phi, np.nan_to_num(subject.density(pilot.theta, theta_r, pilot.phi), posinf=0.0)
+    integrals = integrate(asked, theta.fine, phi.fine, _TOLERANCE, seen)
     claimed, error = integrals.value[..., 0], integrals.error[..., 0]
     drawn = subject.draw(theta_r, samples, rng)
     counts = _count(drawn, theta.fine, phi.fine)
@@ -215,12 +216,8 @@ def _thinned(begin: NDArray[np.intp], count: int) -> NDArray[np.intp]:
     return begin[:: max(1, -(-len(begin) // count))]
 
 
-def _place(x: Array, edges: Array) -> NDArray[np.intp]:
-    return np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
-
-
 def _count(drawn: Drawn, theta: Array, phi: Array) -> Array:
-    cell = _place(drawn.theta, theta) * (len(phi) - 1) + _place(drawn.phi, phi)
+    cell = place(drawn.theta, theta) * (len(phi) - 1) + place(drawn.phi, phi)
     shape = len(theta) - 1, len(phi) - 1
     return np.bincount(cell, minlength=shape[0] * shape[1]).reshape(shape).astype(np.float64)
 
@@ -281,8 +278,8 @@ def _means(
     second = grouped(value[..., _FIRST + channels + 1])
     count = len(weight)
     asked = drawn.asked * count / max(len(drawn.theta), 1)  # of all, those that these came from
-    at = np.searchsorted(rows, _place(drawn.theta[:count], theta.fine), side="right") - 1
-    at = at * len(columns) + np.searchsorted(columns, _place(drawn.phi[:count], phi.fine), side="right") - 1
+    at = np.searchsorted(rows, place(drawn.theta[:count], theta.fine), side="right") - 1
+    at = at * len(columns) + np.searchsorted(columns, place(drawn.phi[:count], phi.fine), side="right") - 1
     mean = np.bincount(at, weight, f.size) / asked
     top = np.zeros(f.size)
     np.maximum.at(top, at, weight)
