@@ -73,6 +73,22 @@ def test_noise_and_holes_cost_a_sampler_next_to_nothing(clean: Values, own_fit: 
         assert ess > best - 0.01, np.degrees(theta_r)
 
 
+def test_noise_about_zero_is_averaged_out(clean: Values, own_fit: cuticle.Fit) -> None:
+    rng = np.random.default_rng(8)
+    top = (clean[3] * np.cos(clean[1])[:, None, None])[:, 1:-1].max(axis=(1, 2, 3), keepdims=True)
+    exact = Tabulated(*clean).energy
+    for deviation, loss, energy in ((0.01, 0.01, 0.05), (0.05, 0.05, 0.2)):  # of a viewer's largest f cos
+        f = clean[3] + deviation * top * rng.standard_normal(clean[3].shape)
+        with pytest.warns(UserWarning, match="are smoothed as noise of"):
+            table = Tabulated(*clean[:3], f)
+        assert (table.values >= 0).all()
+        np.testing.assert_allclose(table.energy, exact, rtol=energy)
+        fitted = cuticle.fit(table, 4)
+        for theta_r in np.radians([-60, 0, 30]):
+            ess, best = (cuticle.measure(s, BROWN, theta_r).ess for s in (fitted.sampler, own_fit.sampler))
+            assert ess > best - loss, (deviation, np.degrees(theta_r))
+
+
 def test_few_viewers_keep_their_highlight_between() -> None:
     table = Tabulated(*values(theta_r=np.linspace(-80, 80, 9)))
     fitted = cuticle.fit(table, 4)
@@ -133,7 +149,10 @@ def _change(which: str) -> Callable[[Values], tuple[Any, ...]]:
     def change(v: Values) -> tuple[Any, ...]:
         r, t, p, f = (x.copy() for x in v)
         if which == "negative":
-            f[3] -= 0.5 * f[3].mean()
+            f[3] -= 0.5 * np.median(f[3])
+        if which == "noise":
+            scale = (f * np.cos(t)[:, None, None]).max()
+            f = f + 0.5 * scale * np.random.default_rng(1).standard_normal(f.shape)
         if which == "dark":
             f[3] = 0
         if which == "holes":
@@ -164,7 +183,8 @@ def _change(which: str) -> Callable[[Values], tuple[Any, ...]]:
 @pytest.mark.parametrize(
     ("which", "message"),
     [
-        ("negative", r"% of their sum is negative"),
+        ("negative", r"is negative, .* % still where noise averages out"),
+        ("noise", r"noise may have a deviation of 25 % .* measure longer"),
         ("dark", r"only zeros at theta_r -70°"),
         ("holes", r"at most 20 % .* got 44 % at theta_r -70°"),
         ("infinite", "3 infinite"),

@@ -53,5 +53,5 @@ def _fill(sheet: NDArray, mask: NDArray, periodic: bool) -> NDArray:
     entries = np.concatenate([count, -np.ones(len(i_))])
     where = np.concatenate([np.arange(size), i_]), np.concatenate([np.arange(size), j_])
     filled = sheet.copy()
-    filled[a, b] = np.maximum(splu(csc_matrix((entries, where), shape=(size, size))).solve(right), 0)
+    filled[a, b] = splu(csc_matrix((entries, where), shape=(size, size))).solve(right)
     return filled

@@ -15,11 +15,13 @@ from cuticle import validate
 from cuticle.distribution import luminance
 from cuticle.sources.files import read_table, write_table
 from cuticle.sources.holes import fill_holes
+from cuticle.sources.noise import settle_noise
 
 LARGEST_GAP = np.radians(30)  # between neighbours of one axis
 LARGEST_MARGIN = np.radians(10)  # between the last theta_i and the pole
 MOST_HOLES = 0.2  # of one viewer's values
-MOST_NEGATIVE = 0.01  # of the energy
+MOST_NEGATIVE = 0.01  # of the energy, once noise is averaged out
+MOST_NOISE = 0.25  # of a viewer's largest f cos theta_i, its deviation
 MOST_ENERGY = 1.02
 _NOT_ENERGY = 100.0
 _ALL_BUT_EVEN = 1e-3  # of f, rms: both sides are one
@@ -47,8 +49,8 @@ class Tabulated:
     values
         f in 1/sr, without a cosine: shape (R, A, B, channels), (R, A, B), or either without R for one viewer. What is given
         for a pole itself is not looked at. NaN is a hole: up to 20 % of a viewer's values, filled smoothly from around (the
-        harmonic function through what lies about). Values below 0 are taken as noise about 0 where they are under 1 % of
-        the energy.
+        harmonic function through what lies about). Values below 0 are noise about 0: up to a deviation of a quarter of the
+        largest f cos(theta_i), what does not stand out of it is averaged over its neighbourhood.
     degrees
         Whether the angles are in degrees.
     even
@@ -58,8 +60,9 @@ class Tabulated:
     Raises
     ------
     ValueError
-        Shapes that do not fit, a grid that does not cover the sphere, infinite values, more holes or negative values
-        than that, a viewer without energy, or more than 100 times the energy that came in (wrong units).
+        Shapes that do not fit, a grid that does not cover the sphere, infinite values, more holes or noise than that,
+        values below 0 that are not noise, a viewer without energy, or more than 100 times the energy that came in
+        (wrong units).
 
     Warns
     -----
@@ -95,6 +98,7 @@ class Tabulated:
         self.holes = fill_holes(f, not self.even)
         if not self.even:
             f, self.phi, self.even = _fold(f, self.phi, even)
+        self._settle(f)
         if not self.even:  # the first azimuth once more, a turn later
             f = np.concatenate([f, f[:, :, :1]], axis=2)
             self.phi = np.append(self.phi, self.phi[0] + 2 * np.pi)
@@ -201,16 +205,24 @@ class Tabulated:
                 f"at most {100 * MOST_HOLES:g} % of a viewer's values may be holes (NaN), got {100 * holes[worst]:.3g} % at"
                 f" theta_r {np.degrees(self.theta_r[worst]):.4g}°; measure more, or leave that viewer out"
             )
-        below = np.minimum(np.nan_to_num(f), 0)
-        if below.any():
-            share = -float(below.sum()) / max(float(np.nansum(np.abs(f))), 1e-300)
-            if share > MOST_NEGATIVE:
-                raise ValueError(
-                    f"values must be at least 0 but for noise about 0: {100 * share:.3g} % of their sum is negative, at most"
-                    f" {100 * MOST_NEGATIVE:g} % may be; the least is {float(np.nanmin(f)):.4g}"
-                )
-            _warn(f"{int((f < 0).sum()):,} values below 0 ({100 * share:.2g} % of the sum) are set to 0")
-            np.maximum(f, 0, out=f)  # NaN stays
+
+    def _settle(self, f: NDArray) -> None:
+        count, least = int((f < 0).sum()), float(f.min())
+        if not count:
+            return
+        share, left, deviation = settle_noise(f, not self.even)
+        if left > MOST_NEGATIVE:
+            raise ValueError(
+                f"values must be at least 0 but for noise about 0: {100 * share:.3g} % of the sum of f cos(theta_i) is"
+                f" negative, {100 * left:.3g} % still where noise averages out; the least is {least:.4g}"
+            )
+        if deviation > MOST_NOISE:
+            raise ValueError(
+                f"noise may have a deviation of {100 * MOST_NOISE:g} % of the largest f cos(theta_i), got"
+                f" {100 * deviation:.3g} %, judged by the values below 0; measure longer"
+            )
+        done = f"smoothed as noise of {100 * deviation:.2g} % of the largest value" if deviation else "set to 0"
+        _warn(f"{count:,} values below 0 ({100 * share:.2g} % of the sum) are {done}")
 
     def _energies(self) -> NDArray[np.float64]:
         """∫ f cos theta_i d omega_i of each viewer and channel, shape (R, channels), by the trapezium rule."""

@@ -1,0 +1,54 @@
+"""Values below 0, which a measurement has about 0: smoothed away where the signal does not stand out of the noise."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+_WIDTHS = (1.0, 2.0, 4.0, 8.0)  # deviations of the smoothing, cells
+_CLEAR = 4.0  # standard deviations of the noise above which a value stands as it is
+_LEAST_SHARE = 1e-3  # of the sum: less is set to 0 and no more
+
+
+def settle_noise(f: NDArray, periodic: bool) -> tuple[float, float, float]:
+    """Make f (viewers, theta, phi, channels) at least 0 in place, if its values below 0 are noise about 0.
+
+    The deviation of the noise is that of the values below 0, sheet by sheet. A value that stays within four of it is
+    replaced by a mean over those of its neighbours that do, too, the smallest neighbourhood in which the mean is clear of
+    what noise is left in it, eight cells wide at most. What lies clear of the noise is not touched and not spread.
+
+    Returns
+    -------
+    tuple
+        Share of the sum (of absolute values) that was below 0; that share once smoothed as wide as it goes, near 0 for
+        noise; the noise's deviation over the largest value.
+    """
+    below = np.minimum(f, 0)
+    whole = float(np.abs(f).sum())
+    share = -float(below.sum()) / max(whole, 1e-300)
+    if share <= _LEAST_SHARE:
+        np.maximum(f, 0, out=f)
+        return share, 0.0, 0.0
+    left = kept = largest = 0.0
+    modes = ("nearest", "wrap" if periodic else "mirror")
+    for r in range(f.shape[0]):
+        for c in range(f.shape[3]):
+            sheet = f[r, ..., c].astype(np.float64)
+            negative = sheet[sheet < 0]
+            if not len(negative):
+                continue
+            sigma = float(np.sqrt((negative**2).mean()))
+            largest = max(largest, sigma / max(float(sheet.max()), 1e-300))
+            out, unclear = sheet.copy(), sheet < _CLEAR * sigma
+            for width in _WIDTHS:
+                share_of = gaussian_filter(unclear.astype(np.float64), width, mode=modes)
+                mean = gaussian_filter(np.where(unclear, sheet, 0), width, mode=modes) / np.maximum(share_of, 1e-6)
+                out[unclear] = mean[unclear]
+                # Of white noise a Gaussian mean of this width keeps 1/(2 w √π).
+                unclear &= mean < _CLEAR * sigma / (2 * width * np.sqrt(np.pi))
+            smooth = gaussian_filter(sheet, _WIDTHS[-1], mode=modes)
+            left -= float(np.minimum(smooth, 0).sum())
+            kept += float(np.abs(smooth).sum())
+            f[r, ..., c] = np.maximum(out, 0)
+    return share, left / max(kept, 1e-300), largest
