@@ -149,7 +149,7 @@ def _change(which: str) -> Callable[[Values], tuple[Any, ...]]:
     def change(v: Values) -> tuple[Any, ...]:
         r, t, p, f = (x.copy() for x in v)
         if which == "negative":
-            f[3] -= 0.5 * np.median(f[3])
+            f[3] -= 0.5 * f[3, 20:70].mean()
         if which == "noise":
             scale = (f * np.cos(t)[:, None, None]).max()
             f = f + 0.5 * scale * np.random.default_rng(1).standard_normal(f.shape)

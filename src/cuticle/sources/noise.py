@@ -11,7 +11,7 @@ _CLEAR = 4.0  # standard deviations of the noise above which a value stands as i
 _LEAST_SHARE = 1e-3  # of the sum: less is set to 0 and no more
 
 
-def settle_noise(f: NDArray, periodic: bool) -> tuple[float, float, float]:
+def settle_noise(f: NDArray, periodic: bool) -> tuple[float, float]:
     """Make f (viewers, theta, phi, channels) at least 0 in place, if its values below 0 are noise about 0.
 
     The deviation of the noise is that of the values below 0, sheet by sheet. A value that stays within four of it is
@@ -21,15 +21,14 @@ def settle_noise(f: NDArray, periodic: bool) -> tuple[float, float, float]:
     Returns
     -------
     tuple
-        Share of the sum (of absolute values) that was below 0; that share once smoothed as wide as it goes, near 0 for
-        noise; the noise's deviation over the largest value.
+        Share of the sum (of absolute values) that is below 0 once smoothed as wide as it goes, near 0 for noise; the noise's
+        deviation over the largest value. Both 0 where hardly anything lies below 0.
     """
     below = np.minimum(f, 0)
     whole = float(np.abs(f).sum())
-    share = -float(below.sum()) / max(whole, 1e-300)
-    if share <= _LEAST_SHARE:
+    if -float(below.sum()) <= _LEAST_SHARE * whole:
         np.maximum(f, 0, out=f)
-        return share, 0.0, 0.0
+        return 0.0, 0.0
     left = kept = largest = 0.0
     modes = ("nearest", "wrap" if periodic else "mirror")
     for r in range(f.shape[0]):
@@ -51,4 +50,4 @@ def settle_noise(f: NDArray, periodic: bool) -> tuple[float, float, float]:
             left -= float(np.minimum(smooth, 0).sum())
             kept += float(np.abs(smooth).sum())
             f[r, ..., c] = np.maximum(out, 0)
-    return share, left / max(kept, 1e-300), largest
+    return left / max(kept, 1e-300), largest

@@ -24,6 +24,7 @@ MOST_NEGATIVE = 0.01  # of the energy, once noise is averaged out
 MOST_NOISE = 0.25  # of a viewer's largest f cos theta_i, its deviation
 MOST_ENERGY = 1.02
 _NOT_ENERGY = 100.0
+_NO_NOISE = 0.2  # more is no noise, however large that may be
 _ALL_BUT_EVEN = 1e-3  # of f, rms: both sides are one
 _CORRELATED = 0.2
 _POLE = 1e-9  # least cosine; what is given for the pole itself, where f has no say, is not looked at
@@ -95,10 +96,12 @@ class Tabulated:
             if np.cos(self.theta_i[pole]) <= _POLE:
                 f[:, pole] = f[:, inner]
         self._bad(f)
+        below = f[f < 0]
         self.holes = fill_holes(f, not self.even)
         if not self.even:
             f, self.phi, self.even = _fold(f, self.phi, even)
-        self._settle(f)
+        if len(below):
+            self._settle(f, below)
         if not self.even:  # the first azimuth once more, a turn later
             f = np.concatenate([f, f[:, :, :1]], axis=2)
             self.phi = np.append(self.phi, self.phi[0] + 2 * np.pi)
@@ -206,15 +209,14 @@ class Tabulated:
                 f" theta_r {np.degrees(self.theta_r[worst]):.4g}°; measure more, or leave that viewer out"
             )
 
-    def _settle(self, f: NDArray) -> None:
-        count, least = int((f < 0).sum()), float(f.min())
-        if not count:
-            return
-        share, left, deviation = settle_noise(f, not self.even)
-        if left > MOST_NEGATIVE:
+    def _settle(self, f: NDArray, below: NDArray) -> None:
+        """Make f at least 0; `below`: what was not, as it was given."""
+        share = -float(below.sum()) / float(np.abs(f).sum() - below.sum())
+        left, deviation = settle_noise(f, not self.even)
+        if left > (MOST_NEGATIVE if deviation <= MOST_NOISE else _NO_NOISE):
             raise ValueError(
                 f"values must be at least 0 but for noise about 0: {100 * share:.3g} % of the sum of f cos(theta_i) is"
-                f" negative, {100 * left:.3g} % still where noise averages out; the least is {least:.4g}"
+                f" negative, {100 * left:.3g} % still where noise averages out; the least is {float(below.min()):.4g}"
             )
         if deviation > MOST_NOISE:
             raise ValueError(
@@ -222,7 +224,7 @@ class Tabulated:
                 f" {100 * deviation:.3g} %, judged by the values below 0; measure longer"
             )
         done = f"smoothed as noise of {100 * deviation:.2g} % of the largest value" if deviation else "set to 0"
-        _warn(f"{count:,} values below 0 ({100 * share:.2g} % of the sum) are {done}")
+        _warn(f"{len(below):,} values below 0 ({100 * share:.2g} % of the sum) are {done}")
 
     def _energies(self) -> NDArray[np.float64]:
         """∫ f cos theta_i d omega_i of each viewer and channel, shape (R, channels), by the trapezium rule."""
