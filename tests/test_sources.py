@@ -458,6 +458,15 @@ def test_a_table_goes_the_whole_way(tmp_path: Path) -> None:
     assert run("check", "out", "--samples", "50000", "--model", "mine.npz", cwd=tmp_path).returncode == 0
 
 
+def test_what_is_doubtful_is_one_line_on_the_command_line(tmp_path: Path) -> None:
+    r, t, p, f = values(theta_r=np.array([20.0]), theta=THETA[::3], phi=TURN[::4])
+    np.savez(tmp_path / "one.npz", theta_r=r, theta_i=t, phi=p, f=f)
+    done = run("fit", "one.npz", "-o", "out", "--lobes", "1", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.startswith("cuticle: one viewer is known")
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
 def test_chiang_goes_the_whole_way(tmp_path: Path) -> None:
     BROWN.save(tmp_path / "hair.toml")
     assert run("fit", "hair.toml", "-o", "out", "--objective", "rgb", cwd=tmp_path).returncode == 0

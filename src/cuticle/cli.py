@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import sys
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
@@ -378,6 +379,7 @@ _UsageError: Any = next(c for c in typer.BadParameter.__mro__ if c.__name__ == "
 
 def main() -> None:
     """Run the command line: exit code 2 and one line for bad input, 1 for a verdict that fails."""
+    warnings.showwarning = _note  # type: ignore[assignment]
     try:
         code = app(args=sys.argv[1:] or ["--help"], standalone_mode=False)
     except _UsageError as error:
@@ -387,6 +389,10 @@ def main() -> None:
     except (KeyboardInterrupt, typer.Abort):
         code = _complain("stopped", code=130)
     sys.exit(code or 0)
+
+
+def _note(message: Warning | str, *_: Any) -> None:
+    err.print(f"cuticle: {' '.join(str(message).split())}", markup=False, highlight=False, soft_wrap=True)
 
 
 def _complain(message: str, code: int = 2) -> int:
