@@ -123,7 +123,9 @@ class Host:
     alpha_in_radians: bool = False
 
 
-# Read in each host's own source: pbrt-v4 bxdfs.cpp, Mitsuba 3.9.1 hair.cpp, Cycles bsdf_principled_hair_chiang.h.
+# Read in each host's own source: pbrt-v4 bxdfs.cpp, Mitsuba 3.9.1 hair.cpp, Cycles bsdf_principled_hair_chiang.h, whose
+# set-up negates the tilt; releases before that change are "cycles-legacy".
+_CYCLES = ("roughness", "radial_roughness", "offset", "ior", "absorption_coefficient", "color", None, None)
 HOSTS: dict[str, Host] = {
     "pbrt-v4": Host(
         "beta_m", "beta_n", "alpha", "eta", "sigma_a", "reflectance", "eumelanin", "pheomelanin", -1, "x", "wo", "deon2011"
@@ -132,10 +134,8 @@ HOSTS: dict[str, Host] = {
         "longitudinal_roughness", "azimuthal_roughness", "scale_tilt", "int_ior", "sigma_a", None, "eumelanin",
         "pheomelanin", -1, "y", "wi", "deon2011",
     ),
-    "cycles": Host(
-        "roughness", "radial_roughness", "offset", "ior", "absorption_coefficient", "color", None, None, 1, "x", "wi",
-        "blender", alpha_in_radians=True,
-    ),
+    "cycles": Host(*_CYCLES, -1, "x", "wi", "blender", alpha_in_radians=True),
+    "cycles-legacy": Host(*_CYCLES, 1, "x", "wi", "blender", alpha_in_radians=True),
 }  # fmt: skip
 
 
@@ -145,7 +145,7 @@ def from_host(host: str, **parameters: Any) -> dict[str, Any]:
     Parameters
     ----------
     host
-        A name in `HOSTS`: "pbrt-v4", "mitsuba" or "cycles".
+        A name in `HOSTS`: "pbrt-v4", "mitsuba", "cycles" or "cycles-legacy".
     parameters
         By the host's names; for "cycles" also `melanin` and `melanin_redness`, its sliders.
 
