@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 import json
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -15,7 +14,7 @@ import numpy as np
 import pytest
 
 import cuticle
-from cuticle import Chiang, audit, audit_dump
+from cuticle import Chiang, audit
 from cuticle.audit.cells import integrate
 from cuticle.chi_square import chi_square
 
@@ -64,6 +63,12 @@ def test_a_fitted_sampler_passes_with_and_without_its_function(
         blind = audit(document_fit.sampler, strands=strands, theta_r=viewers, samples=100_000)
         assert blind.ok, blind
         assert {v.name for v in blind.verdicts} < {v.name for v in report.verdicts}
+
+
+def write(path: Path, theta: np.ndarray, phi: np.ndarray, pdf: np.ndarray, **others: np.ndarray) -> Path:
+    direction = np.column_stack([np.cos(theta) * np.cos(phi), np.sin(theta), np.cos(theta) * np.sin(phi)])
+    np.savez(path, direction=direction, pdf=pdf, **others)
+    return path
 
 
 class Hemisphere:
@@ -356,84 +361,6 @@ def test_mitsubas_hair_passes_where_it_is_rough() -> None:
     assert report.ok, report
 
 
-# ---- files of samples
-
-
-def write(path: Path, theta: np.ndarray, phi: np.ndarray, pdf: np.ndarray, **others: np.ndarray) -> Path:
-    direction = np.column_stack([np.cos(theta) * np.cos(phi), np.sin(theta), np.cos(theta) * np.sin(phi)])
-    np.savez(path, direction=direction, pdf=pdf, **others)
-    return path
-
-
-def test_a_right_dump_passes(tmp_path: Path) -> None:
-    rng = np.random.default_rng(3)
-    for i in range(20):
-        near = Chiang(beta_m=rng.uniform(0.1, 0.9), beta_n=rng.uniform(0.1, 0.9), eumelanin=1.3).near(rng.uniform(-0.9, 0.9))
-        s = near.sample(rng.uniform(-1.4, 1.4), rng.random((50_000, 3)))
-        report = audit_dump(write(tmp_path / f"{i}.npz", s.theta_i, s.phi, s.pdf))
-        assert report.ok, report
-        assert report.patches > 20
-    surface = Hemisphere().sample(0, rng.random((100_000, 3)))
-    report = audit_dump(write(tmp_path / "surface.npz", *surface[:3], weight=surface[3]))
-    assert report.ok, report
-    assert report.ess == pytest.approx(1)
-
-
-@pytest.mark.parametrize("broken", ["rougher pdf", "scaled pdf", "uniform pdf", "stuck", "nan", "negative weight"])
-def test_a_broken_dump_fails(broken: str, tmp_path: Path) -> None:
-    rng = np.random.default_rng(4)
-    near = Chiang(beta_m=0.25, beta_n=0.3, eumelanin=0.3).near(0.3)
-    theta, phi, pdf = (np.array(x) for x in near.sample(0.8, rng.random((200_000, 3))))
-    weight = np.ones(len(pdf))
-    if broken == "rougher pdf":
-        pdf = Chiang(beta_m=0.26, beta_n=0.3, eumelanin=0.3).near(0.3).pdf(theta, 0.8, phi)
-    if broken == "scaled pdf":
-        pdf = pdf * 1.03
-    if broken == "uniform pdf":
-        pdf = np.full_like(pdf, 1 / (4 * np.pi))
-    if broken == "stuck":
-        theta[:1000] = 0
-    if broken == "nan":
-        pdf[5] = np.nan
-    if broken == "negative weight":
-        weight[5] = -1
-    report = audit_dump(write(tmp_path / "d.npz", theta, phi, pdf, weight=weight))
-    assert not report.ok, report
-    assert json.loads(json.dumps(report.to_dict(), allow_nan=False))["ok"] is False
-
-
-def test_a_dump_as_csv_with_viewers(tmp_path: Path) -> None:
-    rng = np.random.default_rng(6)
-    rows = ["x,y,z,pdf,weight,viewer"]
-    for viewer in (0, 60):
-        s = BASE.near(0.1).sample(np.radians(viewer), rng.random((6000, 3)))
-        x, y, z = np.cos(s.theta_i) * np.cos(s.phi), np.sin(s.theta_i), np.cos(s.theta_i) * np.sin(s.phi)
-        rows += [f"{a:.9g},{b:.9g},{c:.9g},{p:.9g},1,{viewer}" for a, b, c, p in zip(x, y, z, s.pdf, strict=True)]
-    (tmp_path / "d.csv").write_text("\n".join(rows))
-    report = audit_dump(tmp_path / "d.csv")
-    assert report.ok, report
-    assert report.viewers == 2
-
-
-@pytest.mark.parametrize(
-    ("arrays", "message"),
-    [
-        ({"pdf": np.ones(3)}, "has no direction"),
-        ({"direction": np.ones((6000, 2)), "pdf": np.ones(6000)}, "direction has shape"),
-        ({"direction": np.ones((60, 3)), "pdf": np.ones(60)}, "at least 5,000 rows"),
-        ({"direction": np.ones((6000, 3)), "pdf": np.ones(6000), "weight": np.ones(5)}, "weight has shape"),
-    ],
-)
-def test_a_dump_that_is_none_is_one_line(arrays: dict[str, np.ndarray], message: str, tmp_path: Path) -> None:
-    np.savez(tmp_path / "d.npz", **arrays)
-    with pytest.raises(ValueError, match=message) as caught:
-        audit_dump(tmp_path / "d.npz")
-    assert "\n" not in str(caught.value)
-    (tmp_path / "cut.npz").write_bytes((tmp_path / "d.npz").read_bytes()[:50])
-    with pytest.raises(ValueError, match="cannot read samples"):
-        audit_dump(tmp_path / "cut.npz")
-
-
 # ---- the command
 
 
@@ -480,31 +407,3 @@ def test_the_command_audits_a_plugin(tmp_path: Path) -> None:
     assert "Mitsuba refuses" in done.stderr
     done = run("audit", "mitsuba:dielectric", cwd=tmp_path)
     assert "single directions only" in done.stderr
-
-
-@pytest.mark.skipif(shutil.which("g++") is None, reason="g++ is not installed")
-def test_the_dump_that_the_docs_show(tmp_path: Path) -> None:
-    text = (Path(__file__).parents[1] / "docs/audit.md").read_text(encoding="utf-8")
-    code = text.split("```cpp\n")[1].split("```")[0]
-    program = """
-#include <cmath>
-#include <random>
-struct Uniform {
-    struct Sample { double x, y, z, pdf, weight; };
-    mutable std::mt19937 random;
-    Sample sample(int) const {
-        std::uniform_real_distribution<double> u(0, 1);
-        const double y = 2 * u(random) - 1, a = 6.283185307179586 * u(random), r = std::sqrt(1 - y * y);
-        return {r * std::cos(a), y, r * std::sin(a), PDF, 1};
-    }
-};
-int main() { dump(Uniform{}, "dump.csv", 6000); }
-"""
-    (tmp_path / "dump.cpp").write_text(code + program)
-    for pdf, right in (("0.07957747154594767", True), ("0.1", False)):
-        flags = ["-std=c++17", "-Wall", "-Wextra", "-Werror", f"-DPDF={pdf}"]
-        subprocess.run(["g++", *flags, "dump.cpp", "-o", "dump"], check=True, cwd=tmp_path)
-        subprocess.run([str(tmp_path / "dump")], check=True, cwd=tmp_path)
-        report = audit_dump(tmp_path / "dump.csv")
-        assert report.viewers == 7
-        assert report.ok == right, report

@@ -28,7 +28,7 @@ def folder(
     document_fit: cuticle.Fit,
     reproduced: Document,
 ) -> Path:
-    from cuticle.cli import fit_summary
+    from cuticle.fit.result import fit_summary
 
     target = tmp_path_factory.mktemp("report")
     document_fit.sampler.save(target / "sampler.json")

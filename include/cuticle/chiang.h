@@ -5,8 +5,8 @@
 // azimuth. Lobes are drawn by the luminance of A_p, so that the pdf is f cos itself but for colour.
 // Far field: h integrated over the width of the fibre; azimuthal.h tabulates it with the logistic distribution.
 //
-// Differs from the paper, and from hosts, in: exp(-x) I0(x) to 5e-7 (pbrt's and Mitsuba's log I0 is 2 % off below
-// x = 12); the tilt is that of scales which lean toward the root for alpha > 0, R being moved toward the root.
+// Differs from the paper, and from hosts, in: exp(-x) I0(x) to 5e-7 (longitudinal.h); the tilt is that of scales which lean
+// toward the root for alpha > 0, R being moved toward the root.
 #ifndef CUTICLE_CHIANG_H
 #define CUTICLE_CHIANG_H
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from cuticle.models import Bcsdf
 from cuticle.quadrature import gauss_legendre
 from cuticle.quality import Density, measure
 from cuticle.sampler import Sampler
-from cuticle.verdicts import Verdict, plain
+from cuticle.verdicts import Judged, Verdict
 
 DEFAULT_ANGLES = np.radians([-85, -75, -60, -30, 0, 30, 60, 75, 85.0])
 CHANGE = 0.01  # total variation from which on a control has to be caught
@@ -69,7 +69,7 @@ class Control:
 
 
 @dataclass(frozen=True)
-class Report:
+class Report(Judged):
     """All cases, controls and verdicts of a check; `ok` if every verdict holds."""
 
     cases: tuple[Case, ...]
@@ -78,22 +78,8 @@ class Report:
     samples: int
     level: float
 
-    @property
-    def ok(self) -> bool:
-        """Whether every verdict holds."""
-        return all(v.passed for v in self.verdicts)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the report as plain values that JSON can hold (NaN as None)."""
-        return plain({"ok": self.ok, **asdict(self)})
-
     def __repr__(self) -> str:
-        lines = [f"Report({'ok' if self.ok else 'FAILED'}: {len(self.cases)} cases of {self.samples:,} samples)"]
-        lines += [
-            f"  {'pass' if v.passed else 'FAIL'}  {v.name}: {v.value:.4g} (limit {v.limit:.4g}) {v.where}"
-            for v in self.verdicts
-        ]
-        return "\n".join(lines)
+        return self._told(f"{len(self.cases)} cases of {self.samples:,} samples")
 
 
 def check(

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Iterable
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BaseModel, ConfigDict
+from pydantic import ConfigDict
 
 from cuticle import _core, conventions, validate
-from cuticle.distribution import REC709
+from cuticle.distribution import luminance_weights
 from cuticle.fibre import Fibre
-from cuticle.files import read_text, read_toml, toml_table, write_text
 from cuticle.models import OFFSETS, ROWS, azimuthal_tables, evaluate_core, lobe_mask
 from cuticle.sampler import Sample
+from cuticle.toml_model import TomlModel
 
 PARTS = ("R", "TT", "TRT", "rest")
 _RANGES: validate.Ranges = {
@@ -31,7 +29,7 @@ _RANGES: validate.Ranges = {
 }
 
 
-class Chiang(BaseModel):
+class Chiang(TomlModel):
     """Far-field scattering of one fibre after Chiang et al. 2016: their near field averaged over the fibre's width.
 
     Parameters
@@ -61,7 +59,9 @@ class Chiang(BaseModel):
     >>> theta_i, phi, p = model.near(0.5).sample(0.2, [[0.1, 0.6, 0.3]])
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", ignored_types=(cached_property,))
+    model_config = ConfigDict(ignored_types=(cached_property,))
+    table_name = "chiang"
+    table_remedy = "such as beta_m = 0.3"
 
     beta_m: float = 0.3
     beta_n: float = 0.3
@@ -158,24 +158,6 @@ class Chiang(BaseModel):
         # The core's lobes have their shifts and widths in theta_h.
         return _core.Model(self.tilt[:3] / 2, np.sqrt(self.variance[:3]) / 2, tables.direct, rest, float(self.variance[3]))
 
-    @classmethod
-    def from_toml(cls, text: str, *, source: str = "TOML") -> Chiang:
-        """Read the model from TOML text with one table, [chiang]; `source` names it in errors."""
-        return read_toml(text, "chiang", lambda table: cls(**table), source=source, remedy="such as beta_m = 0.3")
-
-    @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Chiang:
-        """Read the model from a TOML file."""
-        return cls.from_toml(read_text(path, "model"), source=str(path))
-
-    def to_toml(self) -> str:
-        """Return the model as TOML text that `from_toml` reads back to an equal value."""
-        return toml_table("chiang", self.model_dump(exclude_none=True))
-
-    def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the model to a TOML file, whole or not at all."""
-        return write_text(path, self.to_toml())
-
 
 class ChiangNear:
     """Chiang's near field: offset h known, so eval, pdf and sample are closed forms and pdf matches f·cos but for colour.
@@ -198,10 +180,7 @@ class ChiangNear:
         self.model = model
         self.objective = validate.choice("objective", objective, ("luminance", "rgb"))
         self.h = validate.array("h", h, -1, 1, np.float64, remedy="h runs over the fibre's width, 0 is its middle")
-        channels = model.channels
-        luminance = np.array(REC709) if channels == 3 else np.full(channels, 1 / channels)
-        if objective == "rgb":
-            luminance = np.empty(0)
+        luminance = luminance_weights(model.channels) if objective == "luminance" else np.empty(0)
         self._core = _core.ChiangNear(
             model.eta, model.scale, model.variance, model.tilt, np.array(model.absorption), luminance
         )

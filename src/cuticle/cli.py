@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import sys
 import warnings
@@ -12,18 +11,19 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.console import Console
 
 from cuticle import validate
 from cuticle.audit.command import audit_command
 from cuticle.check import check
 from cuticle.chiang import Chiang
 from cuticle.console import check_tables, document_tables, fit_table, table
+from cuticle.demo import demo_command
 from cuticle.document import Document, Printed, document
 from cuticle.export.command import export_command
 from cuticle.fibre import Fibre
-from cuticle.files import read_text, writable_directory, write_bytes, write_text
+from cuticle.files import read_text, writable_directory, write_text
 from cuticle.fit import FORMS, OBJECTIVES, Fit, fit
+from cuticle.fit.result import fit_summary
 from cuticle.headers import cmake_dir, include_dir
 from cuticle.lobe_table import MAX_LOBES
 from cuticle.models import DualScattering
@@ -45,6 +45,7 @@ app = typer.Typer(
 app.add_typer(render_app, name="render")
 app.command("export")(export_command)
 app.command("audit")(audit_command)
+app.command("demo", hidden=True)(demo_command)
 
 
 def _print_and_exit(text: Callable[[], object]) -> Callable[[bool], None]:
@@ -283,70 +284,6 @@ def report_command(
     out.print(f"wrote {write_report(folder)}", soft_wrap=True)
 
 
-@app.command("demo", hidden=True)
-def demo_command(output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR")] = Path("out/demo")) -> None:
-    """Fit, check, reproduce and picture the document fibre: what `make demo` runs."""
-    from cuticle.quality import UniformSphere, measure
-    from cuticle.report.densities import densities_figure
-    from cuticle.report.page import write_report
-
-    folder = writable_directory(output)
-    model = DualScattering(Fibre.preset("document"))
-    with progress_bar(False) as progress:
-        result = fit(model, 4, strands=(0, 1, 2, 4, 8), progress=progress)
-    result.sampler.save(folder / "sampler.json")
-    model.fibre.save(folder / "fibre.toml")
-    write_text(folder / "fit.json", json.dumps(fit_summary(result), indent=2) + "\n")
-    with progress_bar(False) as progress:
-        report = check(result.sampler, model, progress=progress)
-    tables = check_tables(report)
-    recorder = Console(record=True, width=118, file=io.StringIO())
-    for listing in tables:
-        recorder.print(listing)
-    write_text(folder / "check.txt", recorder.export_text())
-    write_text(folder / "check.json", json.dumps(report.to_dict(), indent=2, allow_nan=False) + "\n")
-    write_bytes(folder / "densities.png", densities_figure(result.sampler, model))
-    with progress_bar(False) as progress:
-        reproduced = document(model, printed=Printed.find(), lobes=result, name="document", progress=progress)
-        reproduced.save(folder, progress=progress)
-    page = write_report(folder)
-    hair = _demo_hair(folder / "hair.png")
-    out.print(fit_table(result))
-    for listing in tables:
-        out.print(listing)
-    uniform = [measure(UniformSphere(), model.with_strands(n), 0.0).ess for n in result.sampler.strands]
-    out.print(
-        "ESS 1 would be a perfect match: a sample is then worth as much as one drawn from f·cos itself; 1/ESS is how many"
-        f" times more samples equal noise takes. A uniform sphere has {', '.join(f'{e:.3f}' for e in uniform)} here, at"
-        " theta_r 0°.\n"
-        f"sampler  {folder / 'sampler.json'}\ncheck    {folder / 'check.txt'}, {folder / 'check.json'}\n"
-        f"picture  {folder / 'densities.png'}: f·cos beside the fitted pdf, seven viewers, direct and through two strands\n"
-        f"report   {page}: all of this, and the draft's tables, functions, figures and claims\n"
-        f"hair     {hair}",
-        soft_wrap=True,
-    )
-    if not report.ok:
-        raise typer.Exit(1)
-
-
-def _demo_hair(path: Path) -> str:
-    """Render a ball of blond hair, lit through itself, where Mitsuba can; return what came of it."""
-    from cuticle.render.groom import hair_ball
-    from cuticle.render.picture import render, save_picture
-    from cuticle.render.scene import Light, View, bsdf, integrator, load_scene, mitsuba
-
-    try:
-        mi = mitsuba()
-    except RuntimeError as error:
-        return f"not rendered: {error}"
-    ball, view = hair_ball(), View(width=320, height=320)
-    with progress_bar() as progress:
-        scene = load_scene(mi, ball, bsdf("blond"), view=view, light=Light("studio"), technique=integrator("dual"))
-        done = render(scene, 48, progress=progress)
-    save_picture(path, done.image)
-    return f"{path}: {ball.strands:,} blond strands by dual scattering, {done.seconds:.1f} s; see `cuticle render --help`"
-
-
 def _lobes(text: str) -> int | None:
     if text == "auto":
         return None
@@ -355,22 +292,6 @@ def _lobes(text: str) -> int | None:
     except ValueError:
         raise ValueError(f"--lobes must be a whole number from 1 to {MAX_LOBES} or auto, got {text!r}") from None
     return validate.integer("--lobes", number, 1, MAX_LOBES, remedy="4 suits most fibres; auto lets the program choose")
-
-
-def fit_summary(result: Fit) -> dict[str, Any]:
-    """Return a fit's quality as plain values."""
-    return {
-        "form": result.form,
-        "objective": result.objective,
-        "lobes": result.sampler.lobes,
-        "seconds": round(result.seconds, 3),
-        "theta_r_degrees": np.degrees(result.theta_r).round(6).tolist(),
-        "strands": list(result.sampler.strands),
-        "ess": result.ess.round(6).tolist(),
-        "ess_channels": result.ess_channels.round(6).tolist(),
-        "largest_weight": result.largest_weight.round(6).tolist(),
-        "candidates": [c._asdict() for c in result.candidates],
-    }
 
 
 # The base of what Typer raises for a wrong command line: Click's own class, or the copy that newer Typer carries.

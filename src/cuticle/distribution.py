@@ -22,11 +22,14 @@ class Peak(NamedTuple):
     value: float
 
 
+def luminance_weights(channels: int) -> NDArray[np.float64]:
+    """Return what each channel counts in luminance: Rec. 709 for three, else alike."""
+    return np.array(REC709) if channels == 3 else np.full(channels, 1 / channels)
+
+
 def luminance(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the luminance of values whose last axis is channels: Rec. 709 for three, else their mean."""
-    if values.shape[-1] == 3:
-        return values @ np.array(REC709)
-    return values.mean(axis=-1)
+    return values @ luminance_weights(values.shape[-1])
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict
 
 from cuticle import conventions, validate
-from cuticle.files import read_text, read_toml, toml_table, write_text
+from cuticle.toml_model import TomlModel
 
 LOBES = ("R", "TT", "TRT")
 
@@ -38,7 +35,7 @@ _RANGES: validate.Ranges = {
 }
 
 
-class Fibre(BaseModel):
+class Fibre(TomlModel):
     """One hair fibre.
 
     Angles are in degrees; alpha (shift) and beta (standard deviation) are those of Marschner et al. 2003 and
@@ -75,7 +72,8 @@ class Fibre(BaseModel):
     [7.5, 3.75, 15.0]
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    table_name = "fibre"
+    table_remedy = "see `cuticle fibres --toml`"
 
     alpha_R: float = -7.5
     alpha_TT: float | None = None
@@ -137,24 +135,6 @@ class Fibre(BaseModel):
         from cuticle import presets
 
         return presets.PRESETS[validate.choice("preset", name, presets.PRESETS)]()
-
-    @classmethod
-    def from_toml(cls, text: str, *, source: str = "TOML") -> Fibre:
-        """Read a fibre from TOML text with one table, [fibre]; `source` names it in errors."""
-        return read_toml(text, "fibre", lambda table: cls(**table), source=source, remedy="see `cuticle fibres --toml`")
-
-    @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Fibre:
-        """Read a fibre from a TOML file."""
-        return cls.from_toml(read_text(path, "fibre"), source=str(path))
-
-    def to_toml(self) -> str:
-        """Return the fibre as TOML text that `from_toml` reads back to an equal value."""
-        return toml_table("fibre", self.model_dump(exclude_none=True))
-
-    def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the fibre to a TOML file, whole or not at all."""
-        return write_text(path, self.to_toml())
 
 
 def _checked(values: Mapping[str, Any]) -> dict[str, Any]:

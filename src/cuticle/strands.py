@@ -113,7 +113,7 @@ class Strands:
 
     @property
     def _spread(self) -> Array:
-        """F cos averaged over the half turn that light comes from, (VIEWERS, _THETA, phi, channels)."""
+        """The mean of f cos over the half turn that light comes from, (VIEWERS, _THETA, phi, channels)."""
         return self._tables[0]
 
     def _make_tables(self) -> tuple[Array, _Averages]:

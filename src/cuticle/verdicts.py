@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,29 @@ class Verdict:
     limit: float
     where: str
     meaning: str
+
+
+class Judged:
+    """What has verdicts: whether all hold, all of it as plain values, and in words."""
+
+    verdicts: tuple[Verdict, ...]
+
+    @property
+    def ok(self) -> bool:
+        """Whether every verdict holds."""
+        return all(v.passed for v in self.verdicts)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all of it as plain values that JSON can hold (NaN as None)."""
+        return plain({"ok": self.ok, **asdict(self)})  # type: ignore[call-overload]
+
+    def _told(self, about: str) -> str:
+        lines = [f"{type(self).__name__}({'ok' if self.ok else 'FAILED'}: {about})"]
+        lines += [
+            f"  {'pass' if v.passed else 'FAIL'}  {v.name}: {v.value:.4g} (limit {v.limit:.4g}) {v.where}"
+            for v in self.verdicts
+        ]
+        return "\n".join([*lines, *(f"  note  {n}" for n in getattr(self, "notes", ()))])
 
 
 def plain(value: Any) -> Any:

@@ -16,6 +16,7 @@ from cuticle.audit.dump import Dump, audit_dump
 from cuticle.audit.physics import reciprocity_error
 from cuticle.audit.report import Audit, judge
 from cuticle.audit.subject import MAX_DIMENSIONS, Subject
+from cuticle.densities import even_normal, longitudinal_normal, periodic_normal
 from cuticle.sampler import Sampler
 
 __all__ = ["Audit", "Case", "Dump", "audit", "audit_dump"]
@@ -143,10 +144,10 @@ def _subject(
             names, densities = tuple(map(str, range(sample.lobes))), partial(_mixture_parts, sample, n)
         draw, density = partial(_with_strands, sample.sample, n), pdf or partial(_with_strands, sample.pdf, n)
     elif hasattr(sample, "sample"):
+        if pdf is None and eval is None:
+            eval_pdf = getattr(sample, "eval_pdf", None)  # one call for both
         draw, density, eval = sample.sample, pdf or getattr(sample, "pdf", None), eval or getattr(sample, "eval", None)
         name = name or repr(sample)
-        if pdf is None and eval is getattr(sample, "eval", None):
-            eval_pdf = getattr(sample, "eval_pdf", None)
         if densities is None and getattr(sample, "lobe_names", None):
             names, densities = sample.lobe_names, sample.lobe_densities
     for which, function in (("sample", draw), ("pdf", density), *((("eval", eval),) if eval is not None else ())):
@@ -160,14 +161,12 @@ def _with_strands(function: Callable[..., Any], strands: float, *arguments: Any)
 
 
 def _mixture_parts(sampler: Sampler, strands: float, theta_i: Any, theta_r: float, phi: Any) -> Any:
-    """Each lobe's part of a mixture's density, from cdfs a hair apart."""
-    step = 1e-4
-    t0, t1 = np.clip(theta_i - step, -np.pi / 2, np.pi / 2), np.clip(theta_i + step, -np.pi / 2, np.pi / 2)
-    p0, p1 = np.clip(phi - step, -np.pi, np.pi), np.clip(phi + step, -np.pi, np.pi)
-    parts = []
-    for k, weight in enumerate(sampler.mixture(theta_r, strands).weight):
-        at = theta_r, k, strands
-        along_theta = (sampler.cdf_theta(t1, *at) - sampler.cdf_theta(t0, *at)) / (t1 - t0)
-        along_phi = (sampler.cdf_phi(p1, *at) - sampler.cdf_phi(p0, *at)) / (p1 - p0)
-        parts.append(weight * along_theta * along_phi / np.maximum(np.cos(theta_i), 1e-9))
+    """Each lobe's part of a mixture's density, per steradian."""
+    azimuthal = even_normal if sampler.even else periodic_normal
+    mixture = sampler.mixture(theta_r, strands)
+    secant = 1 / np.maximum(np.cos(theta_i), 1e-9)
+    parts = [
+        weight * longitudinal_normal.pdf(theta_i, mean_t, sigma_t) * azimuthal.pdf(phi, mean_p, sigma_p) * secant
+        for weight, mean_t, mean_p, sigma_t, sigma_p in zip(*mixture, strict=True)
+    ]
     return np.array(parts)

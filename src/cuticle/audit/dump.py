@@ -7,7 +7,7 @@ in a patch of the sphere is the patch's solid angle, if the pdf is the density t
 from __future__ import annotations
 
 import os
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from cuticle.audit.report import ATOM
 from cuticle.audit.where import repeated_angles
 from cuticle.distribution import luminance
 from cuticle.sources.files import read_arrays, read_rows
-from cuticle.verdicts import Verdict, plain
+from cuticle.verdicts import Judged, Verdict
 
 Array = NDArray[np.float64]
 LEAST_ROWS = 5_000
@@ -32,7 +32,7 @@ _HELP = "it needs direction (n, 3) and pdf (n,), and may have weight (n,) or (n,
 
 
 @dataclass(frozen=True)
-class Dump:
+class Dump(Judged):
     """The audit of a file of samples.
 
     `patches`: tested; `left_out`: those at the edge of what is drawn, or where the pdf varies too much within.
@@ -53,25 +53,11 @@ class Dump:
     notes: tuple[str, ...]
     level: float
 
-    @property
-    def ok(self) -> bool:
-        """Whether every verdict holds."""
-        return all(v.passed for v in self.verdicts)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the audit as plain values that JSON can hold."""
-        return plain({"ok": self.ok, **asdict(self)})
-
     def __repr__(self) -> str:
-        lines = [
-            f"Dump({'ok' if self.ok else 'FAILED'}: {self.name}; {self.rows:,} rows, {self.viewers} viewers,"
-            f" {self.patches} patches tested, {self.left_out} left out)"
-        ]
-        lines += [
-            f"  {'pass' if v.passed else 'FAIL'}  {v.name}: {v.value:.4g} (limit {v.limit:.4g}) {v.where}"
-            for v in self.verdicts
-        ]
-        return "\n".join([*lines, *(f"  note  {n}" for n in self.notes)])
+        return self._told(
+            f"{self.name}; {self.rows:,} rows, {self.viewers} viewers, {self.patches} patches tested,"
+            f" {self.left_out} left out"
+        )
 
 
 @dataclass(frozen=True)

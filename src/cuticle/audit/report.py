@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from cuticle.audit.case import Case
 from cuticle.files import write_bytes
-from cuticle.verdicts import Verdict, plain
+from cuticle.verdicts import Judged, Verdict
 
 INTEGRAL = 2e-3  # |∫ pdf + dropped - 1|
 MISMATCH = 1e-3  # share of samples whose pdf or weight is another afterwards
@@ -22,7 +22,7 @@ RECIPROCITY, ENERGY = 0.02, 1.01
 
 
 @dataclass(frozen=True)
-class Audit:
+class Audit(Judged):
     """All viewers and verdicts of an audit.
 
     Attributes
@@ -50,32 +50,19 @@ class Audit:
     seconds: float = field(compare=False)
 
     @property
-    def ok(self) -> bool:
-        """Whether every verdict holds."""
-        return all(v.passed for v in self.verdicts)
-
-    @property
     def worst(self) -> Case:
         """The viewer whose samples differ from the density the most clearly."""
         return min(self.cases, key=lambda c: (c.p_value, -(c.total_variation - c.noise_floor)))
 
     def __repr__(self) -> str:
-        lines = [
-            f"Audit({'ok' if self.ok else 'FAILED'}: {self.name}; {len(self.cases)} viewers, {self.samples:,} samples each,"
-            f" level {self.level:g})"
-        ]
-        lines += [
-            f"  {'pass' if v.passed else 'FAIL'}  {v.name}: {v.value:.4g} (limit {v.limit:.4g}) {v.where}"
-            for v in self.verdicts
-        ]
-        return "\n".join([*lines, *(f"  note  {n}" for n in self.notes)])
+        return self._told(f"{self.name}; {len(self.cases)} viewers, {self.samples:,} samples each, level {self.level:g}")
 
     def to_dict(self) -> dict[str, Any]:
         """Return the audit as plain values that JSON can hold (NaN as None), without the pictures' densities."""
-        whole = asdict(self)
+        whole = super().to_dict()
         for case in whole["cases"]:
             case.pop("maps")
-        return plain({"ok": self.ok, **whole})
+        return whole
 
     def figure(self, path: str | os.PathLike[str] | None = None, theta_r: float | None = None) -> bytes:
         """Return a PNG of the densities claimed and drawn and their difference; written to `path`, too, if one is given.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,3 +74,19 @@ class Fit:
             tried = ", ".join(f"{c.lobes}: {c.efficiency:.5f}" for c in self.candidates)
             lines.append(f"  lobes chosen by ESS per cost of a traced sample: {tried}")
         return "\n".join(lines)
+
+
+def fit_summary(result: Fit) -> dict[str, Any]:
+    """Return a fit's quality as plain values."""
+    return {
+        "form": result.form,
+        "objective": result.objective,
+        "lobes": result.sampler.lobes,
+        "seconds": round(result.seconds, 3),
+        "theta_r_degrees": np.degrees(result.theta_r).round(6).tolist(),
+        "strands": list(result.sampler.strands),
+        "ess": result.ess.round(6).tolist(),
+        "ess_channels": result.ess_channels.round(6).tolist(),
+        "largest_weight": result.largest_weight.round(6).tolist(),
+        "candidates": [c._asdict() for c in result.candidates],
+    }
