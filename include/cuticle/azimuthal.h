@@ -155,8 +155,15 @@ template <class Float> struct ChannelBetween {
     Float t;
 };
 
-// N_p of one channel. Between two absorptions light decays as along one path: log N is all but linear in sigma_a, since the
-// lengths of the paths that meet at one phi differ little.
+// Between two absorptions light decays as along one path: its log is all but linear in sigma_a, since the lengths of the
+// paths that meet differ little.
+template <class Float> CUTICLE_HD Float between_absorptions(const Float &lower_, const Float &upper_, const Float &t) {
+    const Float tiny = Float(smallest<Float>), lower = math::max(lower_, tiny), upper = math::max(upper_, tiny);
+    const Float log_value = math::log(lower) + t * (math::log(upper) - math::log(lower));
+    return select(lower <= tiny, Float(0), Float(math::exp(log_value)));
+}
+
+// N_p of one channel.
 template <class Float, class Memory>
 CUTICLE_HD Float azimuthal_value(const AzimuthalTable<Memory> &table, const Bilinear<Float> &at, int p, int channel) {
     return interpolate<Float>(table.data, at, p * table.channels + channel);
@@ -166,11 +173,8 @@ CUTICLE_HD Float azimuthal_value(const AzimuthalTable<Memory> &table, const Bili
                                  const ChannelBetween<Float> &channel) {
     using Index = typename ArrayTraits<Float>::Index;
     const Index first = channel.first + Index(p * table.channels);
-    const Float tiny = Float(smallest<Float>);
-    const Float lower = math::max(interpolate<Float>(table.data, at, first), tiny);
-    const Float upper = math::max(interpolate<Float>(table.data, at, Index(first + Index(1))), tiny);
-    const Float log_value = math::log(lower) + channel.t * (math::log(upper) - math::log(lower));
-    return select(lower <= tiny, Float(0), Float(math::exp(log_value)));
+    return between_absorptions(interpolate<Float>(table.data, at, first),
+                               interpolate<Float>(table.data, at, Index(first + Index(1))), channel.t);
 }
 
 // Absorptions in geometric steps, as channels first … first + count - 1 of a table.

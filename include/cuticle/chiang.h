@@ -126,12 +126,45 @@ CUTICLE_HD Sample<Float> chiang_sample(const ChiangFibre<Scalar> &fibre, const C
     return {theta_i, phi, chiang_pdf(fibre, state, theta_i, phi)};
 }
 
-// The far field's last lobe, as the constant of marschner_terms: `energy` is A past TRT averaged over h, one a channel.
-template <class Float, class Scalar>
-CUTICLE_HD void chiang_far_rest(Scalar variance, const Float &theta_i, const Float &theta_r, const Float *energy,
-                                int channels, AzimuthalTerms<Float> *terms) {
-    const Float m = energy_conserving_m(theta_i, Float(-theta_r), Float(variance)) / math::cos_theta(theta_i);
-    for (int c = 0; c < channels; ++c) terms[c].constant = m * energy[c] * Float(.5 / pi<double>);
+// The far field's last lobe: A past TRT averaged over h, at viewers' inclinations i (pi/2) / (rows - 1): [rows][channels].
+template <class Scalar, class Memory = const Scalar *> struct ChiangRest {
+    Memory energy;
+    int rows, channels;
+    Scalar variance;  // of its M, in theta
+};
+
+// Its part of f, the same for all phi: the constant that marschner_terms leaves 0. A channel is an int or a ChannelBetween.
+template <class Float, class Scalar, class Memory, class Channel>
+CUTICLE_HD Float chiang_far_rest(const ChiangRest<Scalar, Memory> &rest, const Float &theta_i, const Float &theta_r,
+                                 const Channel &channel) {
+    using Traits = ArrayTraits<Float>;
+    using Index = typename Traits::Index;
+    const Float last = Float(rest.rows - 1);
+    const Float x = math::clamp(Float(math::abs(theta_r) * last * Float(2 / pi<double>)), Float(0), last);
+    const Index i = math::min(Traits::to_index(x), Index(rest.rows - 2));
+    const Float t = x - Float(i);
+    const auto energy = [&](const Index &c) {
+        const Index at = i * Index(rest.channels) + c;
+        const Float near = Traits::gather(rest.energy, at),
+                    far = Traits::gather(rest.energy, Index(at + Index(rest.channels)));
+        return Float((Float(1) - t) * near + t * far);
+    };
+    const Float m = energy_conserving_m(theta_i, Float(-theta_r), Float(rest.variance)) / math::cos_theta(theta_i);
+    if constexpr (std::is_integral_v<Channel>) {
+        return m * energy(Index(channel)) * Float(.5 / pi<double>);
+    } else {
+        const Index next = Index(channel.first + Index(1));
+        return m * between_absorptions(energy(channel.first), energy(next), channel.t) * Float(.5 / pi<double>);
+    }
+}
+
+// marschner_terms of the far field: R, TT and TRT, whose azimuthal tables are logistic, and the rest.
+template <class Float, class Scalar, class Memory>
+CUTICLE_HD void chiang_far_terms(const FibreLobes<Scalar> &fibre, const ChiangRest<Scalar, Memory> &rest,
+                                 const Float &theta_i, const Float &theta_r, int lobes, AzimuthalTerms<Float> *terms) {
+    marschner_terms(fibre, theta_i, theta_r, lobes, rest.channels, terms);
+    if (lobes & mask_back)
+        for (int c = 0; c < rest.channels; ++c) terms[c].constant = chiang_far_rest(rest, theta_i, theta_r, c);
 }
 
 }  // namespace cuticle

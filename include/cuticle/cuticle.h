@@ -17,5 +17,6 @@
 #include "cuticle/multiple_scattering.h"
 #include "cuticle/optics.h"
 #include "cuticle/sampler.h"
+#include "cuticle/tabulated.h"
 
 #endif  // CUTICLE_CUTICLE_H

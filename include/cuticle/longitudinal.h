@@ -33,11 +33,14 @@ template <class Float> CUTICLE_HD Float i0_scaled(const Float &x) {
 // d'Eon 2011, Eq. 7: a density in theta_i with ∫ M cos(theta_i) d theta_i = 1 for every theta_cone and variance v
 // (in theta): M = csch(1/v)/(2v) exp(sin theta_i sin theta_cone / v) I0(cos theta_i cos theta_cone / v).
 template <class Float> CUTICLE_HD Float energy_conserving_m(const Float &theta_i, const Float &theta_cone, const Float &v) {
-    const Float x = math::abs(Float(math::cos(theta_i) * math::cos(theta_cone))) / v;
-    const Float s = math::sin(theta_i) * math::sin(theta_cone) / v;
-    // All exponents joined: s + x - 1/v <= 0, so nothing overflows.
+    const Float product = math::cos(theta_i) * math::cos(theta_cone), x = math::abs(product) / v;
+    // All exponents joined, sin sin + |cos cos| - 1 being -2 sin² of half the difference (past a pole, where cos cos is
+    // negative, -2 cos² of half the sum): nothing overflows, and single precision keeps its digits however small v is.
+    const Float past = math::cos(Float(Float(.5) * (theta_i + theta_cone)));
+    const Float half = math::sin(Float(Float(.5) * (theta_i - theta_cone)));
+    const Float distance = select(product < Float(0), past, half);
     const Float decay = Float(1) - math::decay(Float(Float(-2) / v));
-    return math::decay(Float(s + x - Float(1) / v)) * i0_scaled(x) / (v * decay);
+    return math::decay(Float(Float(-2) * distance * distance / v)) * i0_scaled(x) / (v * decay);
 }
 
 // A lobe's longitudinal part as it multiplies N in f, for shift alpha and variance (both in theta_h):

@@ -29,6 +29,36 @@ CUTICLE_INLINE Pack<Float, N> load(const Memory &memory, const Index &index) {
     }
 }
 
+// The two counts between which a number of strands falls, out of increasing ones; the first or the last two beyond.
+template <class Float> struct CountInterval {
+    typename ArrayTraits<Float>::Index row;
+    Float low, high;
+};
+
+template <class Float, class Scalar>
+CUTICLE_INLINE CountInterval<Float> locate_count(const Scalar *counts, int rows, const Float &strands) {
+    using Traits = ArrayTraits<Float>;
+    using Index = typename Traits::Index;
+    const bool several = rows > 1;
+    Index row = Index(0);
+    Float low = Float(counts[0]), high = several ? Float(counts[1]) : Float(low + Float(1));
+    if constexpr (std::is_arithmetic_v<Float>) {  // by branches, which do not hold up the loads
+        while (row + 2 < rows && strands >= Float(counts[row + 1])) ++row;
+        low = Float(counts[row]);
+        if (several) high = Float(counts[row + 1]);
+    } else {
+        for (int k = 1; k + 1 < rows; ++k) {
+            const Float count = Float(counts[k]);
+            const auto past = strands >= count;
+            if (!Traits::any(past)) break;
+            row = select(past, Index(k), row);
+            low = select(past, count, low);
+            high = select(past, Float(counts[k + 1]), high);
+        }
+    }
+    return {row, low, high};
+}
+
 // Where theta_r and the number of strands fall. From 0 strands to the first positive count the scattering
 // function is a blend of two different shapes, so there the sampler mixes the two rows' densities in proportion
 // to their energies; further on the rows' parameters are interpolated.
@@ -48,30 +78,16 @@ CUTICLE_INLINE TablePosition<Float> locate(const LobeTable<Scalar, K, Memory> &t
     const Float x = math::clamp(Float((theta_r * Float(1 / pi<double>) + Float(.5)) * last), Float(0), last);
     const Index node = math::min(Traits::to_index(x), Index(table.theta_nodes - 2));
     const bool several = table.rows > 1, from_none = several && table.strands[0] == Scalar(0);
-    Index row = Index(0);
-    Float lo = Float(table.strands[0]), hi = several ? Float(table.strands[1]) : Float(lo + Float(1));
-    auto blend = strands < (from_none ? hi : Float(0));
-    if constexpr (std::is_arithmetic_v<Float>) {  // counts increase; by branches, which do not hold up the loads
-        while (row + 2 < table.rows && strands >= Float(table.strands[row + 1])) ++row;
-        lo = Float(table.strands[row]);
-        if (several) hi = Float(table.strands[row + 1]);
-    } else {
-        for (int k = 1; k + 1 < table.rows; ++k) {
-            const Float count = Float(table.strands[k]);
-            const auto past = strands >= count;
-            if (!Traits::any(past)) break;
-            row = select(past, Index(k), row);
-            lo = select(past, count, lo);
-            hi = select(past, Float(table.strands[k + 1]), hi);
-        }
-    }
+    const CountInterval<Float> count = locate_count(table.strands, table.rows, strands);
+    const Float lo = count.low, hi = count.high;
+    const auto blend = strands < (from_none ? Float(table.strands[1]) : Float(0));
     // A branch, not a division on the way to every load: counts are whole more often than not.
     Float s = Float(0);
     if (several && Traits::any(strands > lo)) {
         const Float span = select(blend, math::min(hi, Float(1)), Float(hi - lo));
         s = math::clamp(Float((strands - lo) / span), Float(0), Float(1));
     }
-    return {node, row, Float(x - Float(node)), s, blend};
+    return {node, count.row, Float(x - Float(node)), s, blend};
 }
 
 // The mixture for one theta_r and number of strands. Prepare once a shading point, then evaluate and draw.

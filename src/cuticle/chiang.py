@@ -14,7 +14,7 @@ from pydantic import ConfigDict
 from cuticle import _core, conventions, validate
 from cuticle.distribution import luminance_weights
 from cuticle.fibre import Fibre
-from cuticle.models import OFFSETS, ROWS, azimuthal_tables, evaluate_core, lobe_mask
+from cuticle.models import OFFSETS, ROWS, AzimuthalTables, azimuthal_tables, evaluate_core, lobe_mask
 from cuticle.sampler import Sample
 from cuticle.toml_model import TomlModel
 
@@ -150,13 +150,23 @@ class Chiang(TomlModel):
         return evaluate_core(self._far, self.channels, lobe_mask(lobes, PARTS), theta_i, theta_r, phi, 0.0)
 
     @cached_property
-    def _far(self) -> _core.Model:
+    def tables(self) -> AzimuthalTables:
+        """The far field's azimuthal tables of R, TT and TRT."""
         deviation = conventions.logistic_deviation(self.scale)
-        tables = azimuthal_tables(self.eta, self.absorption, deviation, False, True)
-        rest = np.empty((ROWS, self.channels))
-        _core.rest_energies(self.eta, np.array(self.absorption), OFFSETS, rest)
+        return azimuthal_tables(self.eta, self.absorption, deviation, False, True)
+
+    @cached_property
+    def rest(self) -> NDArray[np.float64]:
+        """Energy of the orders past TRT by the viewer's inclination, 0 to pi/2, shape (rows, channels)."""
+        energy = np.empty((ROWS, self.channels))
+        _core.rest_energies(self.eta, np.array(self.absorption), OFFSETS, energy)
+        return energy
+
+    @cached_property
+    def _far(self) -> _core.Model:
         # The core's lobes have their shifts and widths in theta_h.
-        return _core.Model(self.tilt[:3] / 2, np.sqrt(self.variance[:3]) / 2, tables.direct, rest, float(self.variance[3]))
+        alpha, beta = self.tilt[:3] / 2, np.sqrt(self.variance[:3]) / 2
+        return _core.Model(alpha, beta, self.tables.direct, self.rest, float(self.variance[3]))
 
 
 class ChiangNear:

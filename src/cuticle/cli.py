@@ -210,7 +210,7 @@ def check_command(
     """Check a sampler: a table of verdicts, and exit code 1 where one fails."""
     path = sampler / "sampler.json" if sampler.is_dir() else sampler
     loaded = Sampler.from_json(read_text(path, "sampler"), source=str(path))
-    function = model_of(loaded) if model is None else read_model(model)
+    function = model_of(loaded, model)
     counts = None if strands is None else read_strands(strands)
     if output is not None:
         writable_directory(output.parent, make=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,6 +40,11 @@ class Bcsdf(Protocol):
 def is_even(model: object) -> bool:
     """Whether a model says that it is even in phi; one that says nothing is taken not to be."""
     return bool(getattr(model, "even", False))
+
+
+def with_strands(model: Any, strands: float) -> Any:
+    """Return a scattering function for a number of strands, or itself where it knows none."""
+    return model.with_strands(strands) if hasattr(model, "with_strands") else model
 
 
 class AzimuthalTables(NamedTuple):

@@ -90,8 +90,8 @@ def provenance(model: Any) -> dict[str, Any]:
     return {"source": source} if source else {}
 
 
-def model_of(sampler: Sampler) -> Bcsdf:
-    """Return the model that a sampler was fitted to.
+def model_of(sampler: Sampler, name: str | None = None, *, progress: Progress | None = None) -> Bcsdf:
+    """Return the model that a sampler was fitted to, or the one named instead, among strands where the sampler's was.
 
     Raises
     ------
@@ -99,9 +99,10 @@ def model_of(sampler: Sampler) -> Bcsdf:
         The sampler does not say which it was, or the table it names is gone or another.
     """
     about = sampler.about
-    if "among" in about:
-        return Strands(_single(about, sampler), sampler.covers[0], **about["among"])
-    return _single(about, sampler)
+    single = _single(about, sampler) if name is None else read_model(name, progress=progress)
+    if "among" in about and not hasattr(single, "with_strands"):
+        return Strands(single, sampler.covers[0], **about["among"])
+    return single
 
 
 def _single(about: dict[str, Any], sampler: Sampler) -> Bcsdf:

@@ -19,7 +19,7 @@ _KNOWN = np.radians(50)  # nearer to a pole it cuts lobes off, and what is left 
 _THETA = 181
 _PHI = 180  # cells over half a turn
 _KEPT = 60  # of them, once spread over half a turn
-_DARK = 1e-100  # the least share of light that keeps its shape
+_DARKEST = -230.0  # ln of the least energy that keeps its shape
 _LIMIT = 0.9945  # of a right angle: at the pole itself nothing is seen
 
 
@@ -98,7 +98,11 @@ class Strands:
             ti, tr = np.asarray(theta_i, np.float64), np.asarray(theta_r, np.float64)
             f = (1 - n) * (np.asarray(self.model.eval(theta_i, theta_r, phi)) + self._backscatter(ti, tr, phi))
         if n > 0:
-            f = f + min(n, 1.0) * self._through(max(n, 1.0)).eval(theta_i, theta_r, phi)
+            table, log_energy = self._through(max(n, 1.0))
+            # Energy apart: it fades by powers of n, and faster the nearer to a pole.
+            tr = np.asarray(theta_r, np.float64)
+            energy = np.exp(np.stack([np.interp(tr, self._viewers, column) for column in log_energy.T], axis=-1))
+            f = f + min(n, 1.0) * energy * table.eval(theta_i, theta_r, phi)
         return f
 
     @cached_property
@@ -166,30 +170,36 @@ class Strands:
             out.reshape(*(1,) * (len(whole) - len(shape)), *shape, self.channels), (*whole, self.channels)
         )
 
-    def _through(self, n: float) -> Tabulated:
+    def _through(self, n: float) -> tuple[Tabulated, Array]:
+        """F through n strands over its energy, and ln of that energy, shape (VIEWERS, channels)."""
         tables = self._shared.setdefault("through", {})
         if n not in tables:
             tables[n] = self._make_through(n)
         return tables[n]
 
-    def _make_through(self, n: float) -> Tabulated:
+    def _make_through(self, n: float) -> tuple[Tabulated, Array]:
         spread, averages = self._tables
         theta = _theta()
         weight = np.cos(theta) * np.pi / _THETA
         out = np.empty_like(spread)
         for i, viewer in enumerate(self._viewers):
             for c in range(self.channels):
-                a_f, alpha_f, beta_f, energy, back_shift, back_deviation = (float(column[i, c]) for column in averages)
+                _, alpha_f, beta_f, energy, back_shift, back_deviation = (float(column[i, c]) for column in averages)
                 variance, shift = n * beta_f**2, n * alpha_f
                 # Each inclination is moved and widened by n scatterings; M keeps the energy within the poles.
                 kernel = _m(theta[:, None], theta[None, :] + 2 * shift, np.full((1, 1), 4 * variance)) * weight
                 cone, width = 2 * (back_shift + shift) - viewer, 4 * (back_deviation**2 + variance)
                 back = self.d_b * energy / np.pi * _m(theta, np.full(1, cone), np.full(1, width))
-                share = max(self.d_f * a_f**n, _DARK)
-                out[i, ..., c] = share * (kernel @ spread[i, ..., c] + back[:, None])
-        f = out / np.cos(theta)[:, None, None]
+                out[i, ..., c] = kernel @ spread[i, ..., c] + back[:, None]
         phi = np.linspace(0, np.pi, _KEPT + 1) if self.even else np.linspace(-np.pi, np.pi, 2 * _KEPT + 1)[:-1]
-        return Tabulated(self._viewers, theta, phi, f, even=None if self.even else False)
+        around = np.full(len(phi), np.pi / _KEPT)
+        if self.even:
+            around *= np.where(np.isin(phi, phi[[0, -1]]), 1, 2)  # both sides, but where they meet
+        energy = np.maximum(np.einsum("vtpc,t,p->vc", out, weight, around), 1e-300)
+        f = out / (energy[:, None, None] * np.cos(theta)[:, None, None])
+        log_energy = math.log(self.d_f) + n * np.log(np.maximum(averages.a_f, 1e-300)) + np.log(energy)
+        table = Tabulated(self._viewers, theta, phi, f, even=None if self.even else False)
+        return table, np.maximum(log_energy, _DARKEST)
 
 
 def _backscatter(

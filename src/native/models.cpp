@@ -115,9 +115,9 @@ nb::tuple backscatter(double a_f, double a_b, double alpha_f, double alpha_b, do
 
 // A model ready to evaluate; it keeps the arrays it was given.
 struct Model {
-    In<double> direct, spread, averages, rest;
+    In<double> direct, spread, averages, energies;
     cuticle::DualScatteringModel<double> model{};
-    double rest_variance = 0;
+    cuticle::ChiangRest<double> rest{};
     bool dual;
 
     Model(const In<double> &alpha, const In<double> &beta, bool energy_conserving, const In<double> &direct_)
@@ -139,11 +139,11 @@ struct Model {
     }
 
     // Chiang 2016's far field: the orders past TRT, energies (rows, channels), in a lobe of their own.
-    Model(const In<double> &alpha, const In<double> &beta, const In<double> &direct_, const In<double> &rest_,
-          double rest_variance_)
+    Model(const In<double> &alpha, const In<double> &beta, const In<double> &direct_, const In<double> &energies_,
+          double variance)
         : Model(alpha, beta, true, direct_) {
-        rest = rest_;
-        rest_variance = rest_variance_;
+        energies = energies_;
+        rest = {energies.data(), static_cast<int>(energies.shape(0)), static_cast<int>(energies.shape(1)), variance};
     }
 
     static cuticle::AzimuthalTable<const double *> view(const In<double> &a) {
@@ -156,25 +156,49 @@ struct Model {
         const auto channels = static_cast<std::size_t>(model.direct.channels);
         parallel_for(out.shape(0), 512, [&](std::size_t begin, std::size_t end) {
             std::vector<cuticle::AzimuthalTerms<double>> terms(channels);
-            std::vector<double> energy(channels);
             for (std::size_t i = begin; i < end; ++i) {
                 const double t = ti[i], r = tr[i], count = n[i];
                 if (i == begin || t != ti[i - 1] || r != tr[i - 1] || count != n[i - 1]) {
                     if (dual) cuticle::dual_scattering_terms(model, t, r, count, lobes, terms.data());
+                    else if (rest.rows) cuticle::chiang_far_terms(model.fibre, rest, t, r, lobes, terms.data());
                     else cuticle::marschner_terms(model.fibre, t, r, lobes, int(channels), terms.data());
-                    if (rest.size() && (lobes & cuticle::mask_back)) {
-                        const auto rows = rest.shape(0);
-                        const double x = std::abs(r) / cuticle::half_pi<double> * double(rows - 1);
-                        const auto row = std::min(static_cast<std::size_t>(x), rows - 2);
-                        const double *q = rest.data() + row * channels, s = x - double(row);
-                        for (std::size_t c = 0; c < channels; ++c) energy[c] = (1 - s) * q[c] + s * q[channels + c];
-                        cuticle::chiang_far_rest(rest_variance, t, r, energy.data(), int(channels), terms.data());
-                    }
                 }
                 double *f = out.data() + i * channels;
                 if (dual) cuticle::dual_scattering_around(model, terms.data(), t, r, ph[i], count, f);
                 else cuticle::marschner_around(model.fibre, model.direct, terms.data(), t, r, ph[i], f);
             }
+        });
+    }
+};
+
+// A table that is evaluated as exports are.
+struct Table {
+    In<double> shape, log_energy, strands;
+    cuticle::TabulatedModel<double> table{};
+
+    Table(const In<double> &shape_, const In<double> &log_energy_, const In<double> &strands_, double reach, bool even)
+        : shape(shape_), log_energy(log_energy_), strands(strands_) {
+        const auto size = [&](std::size_t axis) { return static_cast<int>(shape.shape(axis)); };
+        table = {shape.data(),
+                 log_energy.data(),
+                 strands.data(),
+                 size(0),
+                 size(1),
+                 static_cast<int>(log_energy.shape(1)),
+                 size(2),
+                 size(3),
+                 size(4),
+                 reach,
+                 std::sinh(reach) / cuticle::pi<double>,
+                 even};
+    }
+
+    void eval(const In<double> &theta_i, const In<double> &theta_r, const In<double> &phi, const In<double> &count,
+              Out<double> out) const {
+        const auto ti = broadcast(theta_i), tr = broadcast(theta_r), ph = broadcast(phi), n = broadcast(count);
+        parallel_for(out.shape(0), 512, [&](std::size_t begin, std::size_t end) {
+            for (std::size_t i = begin; i < end; ++i)
+                cuticle::tabulated_eval(table, ti[i], tr[i], ph[i], n[i], out.data() + i * std::size_t(table.channels));
         });
     }
 };
@@ -259,6 +283,9 @@ void bind_models(nb::module_ &m) {
                       const In<double> &, double, double, double>())
         .def(nb::init<const In<double> &, const In<double> &, const In<double> &, const In<double> &, double>())
         .def("eval", &Model::eval, release());
+    nb::class_<Table>(m, "Table")
+        .def(nb::init<const In<double> &, const In<double> &, const In<double> &, double, bool>())
+        .def("eval", &Table::eval, release());
     m.def(
         "energy_conserving_m",
         [](const In<double> &theta_i, const In<double> &cone, const In<double> &variance, Out<double> out) {

@@ -16,6 +16,7 @@ from cuticle.chiang import Chiang
 from cuticle.console import ess_text, table, verdict_table
 from cuticle.files import read_text, writable_directory, write_text
 from cuticle.llvm import check_llvm
+from cuticle.models import with_strands
 from cuticle.origin import MITSUBA, model_of, read_model, read_parameters
 from cuticle.sampler import Sampler
 from cuticle.sources import from_mitsuba
@@ -105,7 +106,7 @@ def _subject(
             model = model_of(sampler)
         except ValueError:
             return sampler, own  # without f: its pdf can be audited all the same
-        return sampler, own | {"eval": (model.with_strands(n) if hasattr(model, "with_strands") else model).eval}
+        return sampler, own | {"eval": with_strands(model, n).eval}
     chiang = read_model(target) if path.suffix.lower() == ".toml" else None
     if isinstance(chiang, Chiang):
         return chiang.near(h), {"name": f"{target}, h = {h:g}"}

@@ -14,11 +14,12 @@ import numpy as np
 
 from cuticle import validate
 from cuticle.export.frames import FRAMES, Frame, frame
+from cuticle.export.function_table import FunctionTable
 from cuticle.export.literals import single, singles, wrapped
-from cuticle.export.tables import ModelTables, reduce_tables
+from cuticle.export.tables import FibreTables, reduce_tables
 from cuticle.fit import MEASURED_AT
 from cuticle.headers import amalgamate
-from cuticle.models import AVERAGE_LIMIT, Bcsdf, DualScattering
+from cuticle.models import AVERAGE_LIMIT, Bcsdf, DualScattering, with_strands
 from cuticle.origin import model_of
 from cuticle.quality import measure
 from cuticle.sampler import Sampler
@@ -30,6 +31,7 @@ HOSTS = ("cpp", "cuda", "glsl", "json", "web")
 Progress = Callable[[str, float], None]
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _RESERVED = {"cuticle", "std", "main"}
+_ROOTS = {"dual": ["dual_scattering.h"], "strand": ["marschner.h"], "chiang": ["chiang.h"], "table": ["tabulated.h"]}
 MAX_TABLE = 16 * 1024  # bytes: what every OpenGL ES 3.0 device takes as a block
 
 
@@ -52,7 +54,7 @@ class Export:
     text: str
     table_bytes: int
     data: bytes = b""
-    model: ModelTables | None = None
+    model: FibreTables | FunctionTable | None = None
 
 
 def export(
@@ -62,6 +64,7 @@ def export(
     frame: str = "local-x",
     name: str = "fibre",
     with_model: bool = False,
+    model: Bcsdf | None = None,
     progress: Progress | None = None,
 ) -> Export:
     """Return a sampler as a source file of its own, its table inlined.
@@ -79,7 +82,12 @@ def export(
     name
         C++ namespace, or prefix in GLSL.
     with_model
-        Put the scattering function in, too: f beside sample and pdf. Its tables are thinned to within 1 % of ∫ f cos.
+        Put the scattering function in, too: f beside sample and pdf. A `Fibre`'s and Chiang's keep their closed forms, with
+        tables thinned to within 1 % of ∫ f cos; any other is written as a table, to within 1 % where a million values are
+        enough.
+    model
+        The scattering function, where the sampler does not know it: it was fitted to a function of your own, or the table
+        it was fitted to has moved.
     progress
         Called with a phase and a fraction from 0 to 1.
 
@@ -91,7 +99,8 @@ def export(
     Raises
     ------
     ValueError
-        An unknown host or frame; a name that is no identifier; a model asked for of a sampler that does not know its fibre.
+        An unknown host or frame; a name that is no identifier; a scattering function asked for of a sampler that does not
+        know it, or one too sharp for a table.
 
     Examples
     --------
@@ -107,14 +116,18 @@ def export(
     if to == "web":
         from cuticle.export.web import page
 
-        return page(sampler, name=name, progress=report)
-    model = model_of(sampler) if with_model else None
-    report("tables", 0.1)
-    tables = reduce_tables(model) if model is not None else None
+        return page(sampler, model or model_of(sampler), name=name, progress=report)
+    known = model or _known(sampler)
+    tables = None
+    if with_model:
+        report("tables", 0.0)
+        tables = reduce_tables(
+            known or model_of(sampler), sampler.covers, progress=lambda done: report("tables", 0.5 * done)
+        )
     if to == "json":
         return _json(sampler, tables)
     report("measuring", 0.5)
-    about = describe(sampler)
+    about = describe(sampler, known)
     report("writing", 0.9)
     if to == "glsl":
         from cuticle.export.glsl import shader
@@ -138,18 +151,24 @@ def check_frame(name: str) -> Frame:
     return frame(name)
 
 
-def describe(sampler: Sampler) -> list[str]:
+def _known(sampler: Sampler) -> Bcsdf | None:
+    """The scattering function that a sampler was fitted to, where it can be found."""
+    try:
+        return model_of(sampler)
+    except ValueError:
+        return None
+
+
+def describe(sampler: Sampler, model: Bcsdf | None) -> list[str]:
     """Return lines that say which fibre, which fit and how good it is; measured, where the fibre is known."""
     lines = [f"Made by Cuticle {__version__}: {sampler.lobes} lobes for strand counts {_counts(sampler)}."]
-    try:
-        model = model_of(sampler)
-    except ValueError:
+    if model is None:
         return [*lines, "Fitted to a scattering function of the user's own; its ESS is not known here."]
     lines.append(f"{_of_what(sampler, model)}; objective {sampler.about.get('objective')}.")
     inner = MEASURED_AT[np.abs(MEASURED_AT) <= np.radians(75.01)]
     found = []
     for n in sampler.covers:
-        own = model.with_strands(n) if isinstance(model, DualScattering) else model
+        own = with_strands(model, n)
         ess = [measure(sampler, own, float(t), n).ess for t in inner]
         found.append(f"{n:g} strands {np.mean(ess):.4f} ({min(ess):.4f})")
     return [*lines, f"ESS for |theta_r| <= 75 degrees, mean (worst): {', '.join(found)}."]
@@ -175,51 +194,48 @@ def environment() -> jinja2.Environment:
     return made
 
 
-def _cpp(sampler: Sampler, tables: ModelTables | None, frame: Frame, name: str, about: list[str], *, cuda: bool) -> Export:
-    roots = ["angles.h", "batch.h"] + (["dual_scattering.h"] if tables is not None else [])
+def _cpp(
+    sampler: Sampler, tables: FibreTables | FunctionTable | None, frame: Frame, name: str, about: list[str], *, cuda: bool
+) -> Export:
+    roots = ["angles.h", "batch.h", *(_ROOTS[tables.kind] if tables is not None else [])]
     nodes = sampler.padded_nodes.astype(np.float32)
     energy = sampler.energy.astype(np.float32)
     text = environment().get_template("sampler.h.j2").render(
         about=about, core=amalgamate(roots), name=name, guard=f"{name.upper()}_CUTICLE_H", frame=frame,
         version=__version__.split("."), lobes=nodes.shape[3], theta_nodes=nodes.shape[1], strands=sampler.strands,
-        even=sampler.even, nodes=nodes, energy=energy, model=tables, dual=tables is not None and tables.spread is not None,
+        even=sampler.even, nodes=nodes, energy=energy, model=tables, kind=tables.kind if tables is not None else "",
         average_limit=AVERAGE_LIMIT, cuda=cuda,
     )  # fmt: skip
     return Export(text, nodes.nbytes + energy.nbytes, model=tables)
 
 
-def _json(sampler: Sampler, tables: ModelTables | None) -> Export:
+def _json(sampler: Sampler, tables: FibreTables | FunctionTable | None) -> Export:
     text = sampler.to_json()
     size = sampler.nodes.size * 4 + sampler.energy.size * 4
     if tables is None:
         return Export(text, size)
-    fibre = tables.model.fibre
-    material: dict[str, Any] = {
-        "format": "cuticle-material",
-        "version": 1,
-        "sampler": json.loads(text),
-        "model": {
-            "alpha": fibre.alpha.tolist(),
-            "beta": fibre.beta.tolist(),
-            "longitudinal": tables.single.longitudinal,
-            "direct": _rounded(tables.direct),
-            "error": round(tables.error, 6),
-        },
-    }
-    if isinstance(tables.model, DualScattering):
-        material["model"] |= {
-            "formulation": tables.model.formulation,
-            "d_f": fibre.d_f,
-            "d_b": fibre.d_b,
-            "spread": _rounded(tables.spread),
-            "averages": _rounded(tables.averages),
-            "average_limit": AVERAGE_LIMIT,
-        }
+    values: dict[str, Any] = {"kind": tables.kind}
+    names: tuple[str, ...] = ("strands", "shape", "log_energy", "reach", "even")
+    if isinstance(tables, FibreTables):
+        values["longitudinal"] = "energy_conserving" if tables.conserving else "gaussian"
+        dual = ("formulation", "d_f", "d_b", "spread", "averages")
+        own: dict[str, tuple[str, ...]] = {"dual": dual, "chiang": ("rest", "rest_variance")}
+        names = ("alpha", "beta", "direct", *own.get(tables.kind, ()))
+        if tables.kind == "dual":
+            values["average_limit"] = AVERAGE_LIMIT
+    for name in names:
+        value = getattr(tables, name)
+        values[name] = value.tolist() if name in ("alpha", "beta") else _rounded(value)
+    values["error"] = round(tables.error, 6)
+    material = {"format": "cuticle-material", "version": 1, "sampler": json.loads(text), "model": values}
     return Export(json.dumps(material, allow_nan=False) + "\n", size, model=tables)
 
 
-def _rounded(table: Any) -> Any:
-    return json.loads(json.dumps(table.tolist(), allow_nan=False), parse_float=lambda text: float(f"{float(text):.7g}"))
+def _rounded(value: Any) -> Any:
+    if not isinstance(value, np.ndarray):
+        return value
+    distinct, where = np.unique(value, return_inverse=True)
+    return np.array([float(f"{x:.7g}") for x in distinct.tolist()])[where].reshape(value.shape).tolist()
 
 
 def _counts(sampler: Sampler) -> str:

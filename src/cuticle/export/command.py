@@ -12,6 +12,7 @@ from cuticle import validate
 from cuticle.export import HOSTS, MAX_TABLE, amalgamate, check_frame, check_name, export
 from cuticle.export.frames import FRAMES
 from cuticle.files import read_text, writable_directory, write_bytes, write_text
+from cuticle.origin import model_of
 from cuticle.sampler import Sampler
 from cuticle.terminal import out, progress_bar
 
@@ -32,6 +33,10 @@ def export_command(
         bool,
         typer.Option("--with-model/--sampler-only", help="Put the scattering function in, too: eval beside sample and pdf."),
     ] = False,
+    model: Annotated[
+        str | None,
+        typer.Option("--model", metavar="PRESET|FILE", help="The scattering function to put in, not the sampler's own."),
+    ] = None,
     amalgamated: Annotated[
         bool, typer.Option("--amalgamate", help="Write the core's headers as one file, without a sampler.")
     ] = False,
@@ -50,11 +55,14 @@ def export_command(
         raise ValueError(f"--to must say for which host: {', '.join(HOSTS)}")
     validate.choice("--to", to, HOSTS)
     check_frame(frame)
+    if model is not None and not (with_model or to == "web"):
+        raise ValueError("--model says which scattering function to put in: give --with-model, too")
     name = check_name(name if name is not None else _name_of(output))
     path = sampler / "sampler.json" if sampler.is_dir() else sampler
     loaded = Sampler.from_json(read_text(path, "sampler"), source=str(path))
     with progress_bar() as progress:
-        made = export(loaded, to, frame=frame, name=name, with_model=with_model, progress=progress)
+        function = None if model is None else model_of(loaded, model, progress=progress)
+        made = export(loaded, to, frame=frame, name=name, with_model=with_model, model=function, progress=progress)
     values = output.with_suffix(".f32")
     if made.data:
         write_bytes(values, made.data)

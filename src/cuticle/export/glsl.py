@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from cuticle.export import Export, environment
 from cuticle.export.frames import Frame
+from cuticle.export.function_table import FunctionTable
 from cuticle.export.literals import singles
-from cuticle.export.tables import ModelTables
-from cuticle.models import AVERAGE_LIMIT, DualScattering
+from cuticle.export.tables import FibreTables
+from cuticle.models import AVERAGE_LIMIT
 from cuticle.sampler import Sampler
 
 TEXTURE_WIDTH = 1024  # every device of OpenGL ES 3.0 has 2048
@@ -18,7 +19,7 @@ _TYPES = ("float", "vec2", "vec3", "vec4")
 
 def shader(
     sampler: Sampler,
-    tables: ModelTables | None,
+    tables: FibreTables | FunctionTable | None,
     frame: Frame,
     name: str,
     about: list[str],
@@ -59,11 +60,19 @@ def lobe_texels(sampler: Sampler) -> NDArray[np.float32]:
     return padded.reshape(rows, nodes, -1, 4)
 
 
-def model_texels(tables: ModelTables) -> NDArray[np.float32]:
-    """Return the scattering function's tables as rows of texels: N, the spread N, the averages; shape (height, width, 4)."""
-    parts = [tables.direct]
-    if tables.spread is not None and tables.averages is not None:
-        parts += [tables.spread, tables.averages.swapaxes(1, 2)]  # channels last
+def model_texels(tables: FibreTables | FunctionTable) -> NDArray[np.float32]:
+    """Return the scattering function's tables as rows of texels, shape (height, width, 4).
+
+    Of a fibre N, then the spread N and the averages, or the energies past TRT; of a table its shape, then its energies.
+    """
+    if isinstance(tables, FunctionTable):
+        parts = [tables.shape, tables.log_energy]
+    else:
+        parts = [tables.direct]
+        if tables.spread is not None and tables.averages is not None:
+            parts += [tables.spread, tables.averages.swapaxes(1, 2)]  # channels last
+        if tables.rest is not None:
+            parts.append(tables.rest)
     texels = np.concatenate([p.reshape(-1, p.shape[-1]) for p in parts])
     height = -(-len(texels) // TEXTURE_WIDTH)
     out = np.zeros((height * TEXTURE_WIDTH, 4), np.float32)
@@ -71,29 +80,37 @@ def model_texels(tables: ModelTables) -> NDArray[np.float32]:
     return out.reshape(height, TEXTURE_WIDTH, 4)
 
 
-def _model_values(tables: ModelTables) -> dict[str, object]:
-    model = tables.model
-    rows, columns, _, channels = tables.direct.shape
+def _model_values(tables: FibreTables | FunctionTable) -> dict[str, object]:
+    channels = tables.channels
     if channels > 4:
         raise ValueError(f"a texel holds 4 channels, this fibre has {channels}: leave --with-model out, or use cpp")
-    fibre = model.fibre
-    exact = isinstance(model, DualScattering) and model.formulation == "exact"
-    back = (1 if exact else 2) / np.pi  # what the printed formulas leave in
-    return {
+    types: dict[str, object] = {
         "C": _TYPES[channels - 1],
         "channel_swizzle": "." + "xyzw"[:channels] if channels < 4 else "",
+    }
+    if isinstance(tables, FunctionTable):
+        counts, viewers, rows, columns, _ = tables.shape.shape
+        step = rows * columns
+        return types | {
+            "counts": counts, "viewers": viewers, "rows": rows, "columns": columns, "viewer_step": step,
+            "count_step": viewers * step, "energies": tables.log_energy.shape[1], "first_energy": counts * viewers * step,
+        }  # fmt: skip
+    rows, columns = tables.direct.shape[:2]
+    exact = tables.formulation == "exact"
+    back = (1 if exact else 2) / np.pi  # what the printed formulas leave in
+    return types | {
         "rows": rows,
         "columns": columns,
-        "fibre": fibre,
-        "variances": fibre.beta**2,
-        "dual": tables.spread is not None,
+        "variances": tables.beta**2,
+        "dual": tables.kind == "dual",
         "exact": exact,
         "first_spread": 3 * rows * columns,
         "first_average": 6 * rows * columns,
+        "first_rest": 3 * rows * columns,
         "average_rows": 0 if tables.averages is None else len(tables.averages),
         "average_limit": AVERAGE_LIMIT,
-        "d_b": singles(fibre.d_b, "")[0],
+        "d_b": singles(tables.d_b, "")[0],
         "back_factor": singles(back, "")[0],
-        "density": singles(fibre.d_f if exact else fibre.d_f**2, "")[0],
-        "spread_back": singles(fibre.d_b * back * (1 if exact else np.pi), "")[0],
+        "density": singles(tables.d_f if exact else tables.d_f**2, "")[0],
+        "spread_back": singles(tables.d_b * back * (1 if exact else np.pi), "")[0],
     }

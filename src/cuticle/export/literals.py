@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterable
 
 import numpy as np
@@ -21,12 +20,19 @@ def single(value: float, suffix: str = "f") -> str:
 
 def singles(values: ArrayLike, suffix: str = "f") -> list[str]:
     """Return `single` of each value, in C order."""
-    return [single(float(x), suffix) for x in np.asarray(values).reshape(-1)]
+    distinct, where = np.unique(np.asarray(values, np.float32), return_inverse=True)
+    words = [single(x, suffix) for x in distinct.tolist()]
+    return [words[i] for i in where.reshape(-1)]
 
 
 def wrapped(words: Iterable[str], indent: int = 4, width: int = 125) -> str:
     """Return words with commas between, on lines of at most `width` columns."""
-    pad = " " * indent
-    return textwrap.fill(
-        ", ".join(words), width, initial_indent=pad, subsequent_indent=pad, break_long_words=False, break_on_hyphens=False
-    )
+    lines: list[list[str]] = []
+    room = 0
+    for word in words:
+        room -= len(word) + 2
+        if room < -1 or not lines:  # no space ends a line
+            lines.append([])
+            room = width - indent - len(word) - 2
+        lines[-1].append(word)
+    return ",\n".join(" " * indent + ", ".join(line) for line in lines)

@@ -13,31 +13,31 @@ from cuticle.export.frames import FRAMES
 from cuticle.export.glsl import TEXTURE_WIDTH, lobe_texels, shader
 from cuticle.export.tables import reduce_tables
 from cuticle.fit import fit
-from cuticle.models import DualScattering
-from cuticle.origin import model_of
+from cuticle.models import Bcsdf
 from cuticle.sampler import Sampler
 
 LOBES = (1, 2, 4, 8)
+TOLERANCE = 0.02  # of ∫ f cos: a page is loaded whole
 _COLOR = {1: "vec3(f)", 2: "vec3(f, 0.0)", 3: "f", 4: "f.rgb"}
 
 
-def page(sampler: Sampler, *, name: str, progress: Callable[[str, float], None]) -> Export:
+def page(sampler: Sampler, model: Bcsdf, *, name: str, progress: Callable[[str, float], None]) -> Export:
     """Return the page of a sampler and of 1, 2, 4 and 8 lobes fitted to the same fibre.
 
     Raises
     ------
     ValueError
-        A sampler that does not know its fibre, or whose fibre has more than four channels.
+        More than four channels, or a function too sharp for a table.
     """
-    model = model_of(sampler)
-    tables = reduce_tables(model)
-    channels = tables.model.channels
+    progress("tables", 0.0)
+    tables = reduce_tables(model, sampler.covers, TOLERANCE)
+    channels = tables.channels
     samplers = {sampler.lobes: sampler}
     for k in LOBES:
         progress(f"fitting {k} lobes", LOBES.index(k) / len(LOBES))
         if k not in samplers:
             objective = sampler.about.get("objective", "luminance")
-            counts = None if not isinstance(model, DualScattering) or len(sampler.covers) == 1 else sampler.covers
+            counts = sampler.covers if hasattr(model, "with_strands") and len(sampler.covers) > 1 else None
             samplers[k] = fit(model, k, strands=counts, objective=objective).sampler
     progress("writing", 0.95)
     ordered = dict(sorted(samplers.items()))
@@ -62,7 +62,7 @@ def page(sampler: Sampler, *, name: str, progress: Callable[[str, float], None])
             for k, s in ordered.items()
         },
     }
-    text = environment().get_template("page.html.j2").render(data=data, name=name, about=describe(sampler))
+    text = environment().get_template("page.html.j2").render(data=data, name=name, about=describe(sampler, model))
     return Export(text, 4 * (sampler.nodes.size + sampler.energy.size))
 
 

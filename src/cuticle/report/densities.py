@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from cuticle.distribution import Distribution, tabulate
-from cuticle.models import Bcsdf
+from cuticle.models import Bcsdf, with_strands
 from cuticle.quality import measure
 from cuticle.sampler import Sampler
 
@@ -48,7 +48,7 @@ def densities_figure(
         hspace=0.12, height_ratios=[1] * rows,
     )  # fmt: skip
     for pair, n in enumerate(strands):
-        own = model.with_strands(n) if hasattr(model, "with_strands") else model
+        own = with_strands(model, n)
         for column, degrees in enumerate(viewers):
             theta_r = float(np.radians(degrees))
             d = tabulate(own, theta_r, n_theta=180, n_phi=240)
