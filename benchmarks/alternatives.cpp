@@ -123,6 +123,20 @@ void add_fitted(std::vector<Case> &cases, const Lobes &l, Inputs<float> &f, Inpu
                          return double(sum);
                      },
                      {}});
+    cases.push_back({name + " viewer pdf",
+                     [&f, table, strands] {
+                         cuticle::pdf_batch(cuticle::prepare(table, .5f, strands), inputs, f.theta_i.data(), f.phi.data(),
+                                            f.out[0].data());
+                         return double(f.out[0][7]);
+                     },
+                     {}});
+    cases.push_back({name + " viewer sample",
+                     [&f, table, strands] {
+                         cuticle::sample_batch(cuticle::prepare(table, .5f, strands), inputs, f.u[0].data(), f.u[1].data(),
+                                               f.u[2].data(), f.out[0].data(), f.out[1].data(), f.out[2].data());
+                         return double(f.out[0][7]);
+                     },
+                     {}});
 }
 
 }  // namespace

@@ -159,10 +159,12 @@ def tell(result: dict[str, object]) -> None:
 
 def tell_costs(costs: dict[str, float]) -> None:
     unit = costs["calibration"]
-    table = Table(
-        box=box.SIMPLE_HEAD, title="Lobes: cost in calibration kernels; batch is arrays of 4096 with a viewer each"
-    )
-    columns = ("float pdf", "float sample", "double pdf", "double sample", "batch pdf", "batch sample", "prepared pdf")
+    title = "Lobes: cost in calibration kernels. batch: arrays of 4096, a viewer each; viewer: one for all of them"
+    table = Table(box=box.SIMPLE_HEAD, title=title)
+    columns = (
+        "float pdf", "float sample", "double pdf", "double sample", "batch pdf", "batch sample", "prepared pdf",
+        "viewer pdf", "viewer sample",
+    )  # fmt: skip
     for column in ("", *columns):
         table.add_column(column, justify="right" if column else "left")
     for name in (*(f"K={k}" for k in LOBES), "K=4, n=2"):

@@ -146,7 +146,10 @@ def test_a_file_reads_back(tmp_path: Path) -> None:
         {"color": (0.5, 0.3, 0.1), "beta_n": 0.7},
     ):
         model = Chiang(**given)
-        assert Chiang.load(model.save(tmp_path / "hair.toml")) == model
+        assert np.isfinite(model.eval(0.1, 0.2, 3.0)).all()  # what it has made on the way is no part of it
+        loaded = Chiang.load(model.save(tmp_path / "hair.toml"))
+        assert loaded == model
+        assert hash(loaded) == hash(model)
     (tmp_path / "bad.toml").write_text("[chiang]\nbeta_m = 2\neumelanin = 1\n")
     with pytest.raises(ValueError, match=r"bad.toml: beta_m must be in \[0.01, 1\], got 2"):
         Chiang.load(tmp_path / "bad.toml")

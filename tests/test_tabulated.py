@@ -295,13 +295,15 @@ def test_an_npz_that_is_none_is_one_line(tmp_path: Path) -> None:
 def test_a_large_table_fits_in_time(tmp_path: Path) -> None:
     """91 x 181 x 361 x 3, loaded and fitted in another process: under 20 s and 2 GB."""
     program = """
-import resource, sys, time, numpy as np, cuticle
+import re, sys, time, numpy as np, cuticle
 start = time.perf_counter()
 table = cuticle.Tabulated.load(sys.argv[1])
 fitted = cuticle.fit(table, 4)
-print(time.perf_counter() - start, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6, fitted.ess.mean())
+most = re.search(r"VmHWM:\\s+(\\d+) kB", open("/proc/self/status").read())  # getrusage's also counts the parent's
+print(time.perf_counter() - start, int(most[1]) / 1e6, fitted.ess.mean())
 """
-    pytest.importorskip("resource")
+    if not Path("/proc/self/status").exists():
+        pytest.skip("the system does not tell a process's largest memory there")
     r, t, p, f = values(theta_r=np.linspace(-90, 90, 91), theta=np.linspace(-90, 90, 181), phi=np.linspace(-180, 180, 361))
     np.savez(tmp_path / "large.npz", theta_r=r, theta_i=t, phi=p, f=f)
     command = [sys.executable, "-c", program, str(tmp_path / "large.npz")]

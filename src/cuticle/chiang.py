@@ -75,6 +75,12 @@ class Chiang(TomlModel):
     def __init__(self, **values: Any) -> None:
         super().__init__(**_checked(values))
 
+    def __eq__(self, other: object) -> bool:  # by parameters: tables that were made on the way have no say
+        return isinstance(other, Chiang) and self.model_dump() == other.model_dump()
+
+    def __hash__(self) -> int:
+        return hash(tuple(self.model_dump().values()))
+
     def __repr__(self) -> str:
         return f"Chiang({', '.join(f'{k}={v!r}' for k, v in self.model_dump(exclude_none=True).items())})"
 
@@ -109,6 +115,11 @@ class Chiang(TomlModel):
         return math.radians(self.alpha) * np.array([-2.0, 1.0, 4.0, 0.0])
 
     @property
+    def half_angle_lobes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Shifts and deviations of R, TT and TRT in theta_h, as the core's lobes have them, radians."""
+        return self.tilt[:3] / 2, np.sqrt(self.variance[:3]) / 2
+
+    @property
     def scale(self) -> float:
         """Scale of the azimuthal logistic distribution, radians."""
         return conventions.azimuthal_scale(self.beta_n)
@@ -116,6 +127,10 @@ class Chiang(TomlModel):
     def near(self, h: ArrayLike = 0.0, *, objective: str = "luminance") -> ChiangNear:
         """Return the near field at offset `h` (-1 to 1 over the width), for arrays one offset a direction."""
         return ChiangNear(self, h, objective=objective)
+
+    def with_absorption(self, sigma_a: tuple[float, ...]) -> Chiang:
+        """Return the same fibre with another absorption per radius, one value or one a channel."""
+        return Chiang(beta_m=self.beta_m, beta_n=self.beta_n, alpha=self.alpha, eta=self.eta, sigma_a=sigma_a)
 
     def fibre(self) -> Fibre:
         """Return the `Fibre` with these widths as standard deviations: near, not the same (normal, not logistic, N)."""
@@ -164,9 +179,7 @@ class Chiang(TomlModel):
 
     @cached_property
     def _far(self) -> _core.Model:
-        # The core's lobes have their shifts and widths in theta_h.
-        alpha, beta = self.tilt[:3] / 2, np.sqrt(self.variance[:3]) / 2
-        return _core.Model(alpha, beta, self.tables.direct, self.rest, float(self.variance[3]))
+        return _core.Model(*self.half_angle_lobes, self.tables.direct, self.rest, float(self.variance[3]))
 
 
 class ChiangNear:

@@ -79,9 +79,9 @@ def azimuthal_tables(
     eta: float, sigma_a: tuple[float, ...], beta_n: float, closed: bool, logistic: bool = False
 ) -> AzimuthalTables:
     """Tabulate N_p of a fibre; `beta_n` is the deviation of a wrapped normal or a trimmed logistic distribution, radians."""
-    # Eight columns a standard deviation over the half circle, twice as many for a logistic's sharper top; even, as the
-    # half-turn average needs.
-    columns = int(np.clip((16 if logistic else 8) * np.pi / beta_n / 2, 128, 8192)) * 2 + 1
+    # Eight columns a standard deviation over the half circle, twice as many for a logistic's sharper top; a multiple of 32,
+    # so that exports can leave every second one out, five times.
+    columns = int(np.ceil(np.clip((16 if logistic else 8) * np.pi / beta_n, 256, 16384) / 32)) * 32 + 1
     direct = np.empty((ROWS, columns, len(LOBES), len(sigma_a)))
     spread = np.empty_like(direct)
     halves = np.empty((ROWS, len(LOBES), len(sigma_a), 2))

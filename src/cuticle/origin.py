@@ -21,6 +21,19 @@ MITSUBA = "mitsuba:"
 WHAT = f"a preset ({', '.join(PRESETS)}), a .toml with [fibre] or [chiang], a table (.npz, .csv), or {MITSUBA}PLUGIN"
 
 
+def is_fibre(name: str) -> bool:
+    """Whether a name is that of a `Fibre`: a preset, or a file that is no table and has no [chiang]."""
+    if name in PRESETS:
+        return True
+    if name.startswith(MITSUBA) or Path(name).suffix.lower() in (".npz", ".csv"):
+        return False
+    return not _has_chiang(read_text(name, "fibre")) if Path(name).exists() else True
+
+
+def _has_chiang(text: str) -> bool:
+    return any(line.strip() == "[chiang]" for line in text.splitlines())
+
+
 def read_model(name: str, parameters: Sequence[str] = (), *, progress: Progress | None = None) -> Any:
     """Return the scattering function that a command line names.
 
@@ -48,7 +61,7 @@ def read_model(name: str, parameters: Sequence[str] = (), *, progress: Progress 
         return Tabulated.load(name)
     if Path(name).suffix.lower() == ".toml" or Path(name).exists():
         text = read_text(name, "model")
-        if any(line.strip() == "[chiang]" for line in text.splitlines()):
+        if _has_chiang(text):
             return Chiang.from_toml(text, source=name)
         return DualScattering(Fibre.from_toml(text, source=name))
     raise ValueError(f"a scattering function must be {WHAT}; got {name!r}")

@@ -56,6 +56,22 @@ template <class Float, int K> int compare(bool even, bool each, std::mt19937 &rn
         wrong += !(std::abs(q[i] - cuticle::pdf(view, a[i], tr[i], b[i], n[i])) <= relative * q[i]);
     }
     wrong += other > 2;
+    // One shading point, on a row, between rows and between none and some.
+    for (const Float strands : {Float(1), Float(2.5), Float(.3)}) {
+        const auto prepared = cuticle::prepare(view, tr[0], strands);
+        cuticle::pdf_batch(prepared, count, ti.data(), ph.data(), p.data());
+        cuticle::sample_batch(prepared, count, u.data(), v.data(), w.data(), a.data(), b.data(), q.data());
+        int strayed = 0;
+        for (std::size_t i = 0; i < count; ++i) {
+            const Float single = prepared.pdf(ti[i], ph[i]);
+            wrong += !(std::abs(p[i] - single) <= relative * single);
+            const auto s = prepared.sample(u[i], v[i], w[i]);
+            strayed += !(std::abs(a[i] - s.theta_i) <= radians &&
+                         std::abs(cuticle::math::nearest_turn(Float(b[i] - s.phi))) <= radians);
+            wrong += !(std::abs(q[i] - prepared.pdf(a[i], b[i])) <= relative * q[i]);
+        }
+        wrong += strayed > 2;
+    }
     for (const auto &out : {p, a, b, q}) wrong += out[count] != Float(-7);
     if (wrong)
         std::printf("%d lobes, even %d, each %d, %zu bytes: %d wrong, %d other\n", K, even, each, sizeof(Float), wrong,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cuticle import _core
 from cuticle.chiang import Chiang
+from cuticle.conventions import logistic_deviation
 from cuticle.export.function_table import FunctionTable, Progress, tabulate_function
 from cuticle.models import AVERAGE_LIMIT, Bcsdf, DualScattering, Marschner
 from cuticle.quadrature import gauss_legendre
@@ -119,7 +120,9 @@ def reduce_tables(
             )
         return table
     columns = whole.direct.shape[1]
-    across = [s for s in (1, 2, 4, 8, 16, 32) if (columns - 1) % s == 0 and (columns - 1) // s >= 16]
+    # A column a deviation at least: glints that carry little of the integral are seen all the same.
+    least = max(16, np.pi / _azimuthal_deviation(model))
+    across = [s for s in (1, 2, 4, 8, 16, 32) if (columns - 1) % s == 0 and (columns - 1) // s >= least]
     exact = _values(whole)
     steps = sorted(
         ((r, c) for r in _STEPS for c in across), key=lambda s: ((180 // s[0] + 1) * ((columns - 1) // s[1] + 1), s)
@@ -136,7 +139,7 @@ def _whole(model: Bcsdf) -> FibreTables | None:
     """The tables of a model that has closed forms in the core; None for any other."""
     if isinstance(model, Chiang):
         return FibreTables(
-            model.tilt[:3] / 2, np.sqrt(model.variance[:3]) / 2, True, model.tables.direct.astype(np.float32),
+            *model.half_angle_lobes, True, model.tables.direct.astype(np.float32),
             rest=model.rest.astype(np.float32), rest_variance=float(model.variance[3]),
         )  # fmt: skip
     if not isinstance(model, (DualScattering, Marschner)):
@@ -149,6 +152,10 @@ def _whole(model: Bcsdf) -> FibreTables | None:
         alone, spread=single.tables.spread.astype(np.float32), averages=model.average_table.astype(np.float32),
         formulation=str(model.formulation), d_f=f.d_f, d_b=f.d_b,
     )  # fmt: skip
+
+
+def _azimuthal_deviation(model: Any) -> float:
+    return logistic_deviation(model.scale) if isinstance(model, Chiang) else float(np.radians(model.fibre.beta_N))
 
 
 def _values(tables: FibreTables) -> NDArray[np.float64]:

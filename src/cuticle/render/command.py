@@ -13,6 +13,7 @@ from typer.core import TyperGroup
 from cuticle import validate
 from cuticle.console import table
 from cuticle.files import writable_directory
+from cuticle.origin import is_fibre, read_model
 from cuticle.presets import read_fibre
 from cuticle.render.groom import Groom, hair_ball, join_grooms, read_groom, wavy_lock
 from cuticle.render.scene import INTEGRATORS, LIGHTS, SAMPLINGS, Light, View, bsdf, integrator, load_scene, mitsuba
@@ -44,7 +45,7 @@ GroomArgument = Annotated[
     ),
 ]
 FibreOption = Annotated[
-    str, typer.Option(metavar="PRESET|FILE", help="A preset, a fibre's TOML file or a sampler's JSON file.")
+    str, typer.Option(metavar="PRESET|FILE", help="A preset, a TOML file, a table (.npz, .csv) or a sampler's JSON file.")
 ]
 LightOption = Annotated[str, typer.Option(help=" | ".join(LIGHTS))]
 RadiusOption = Annotated[float | None, typer.Option(help="Of all strands, in the file's unit, in place of the file's.")]
@@ -75,8 +76,10 @@ def _groom(names: list[str], radius: float | None, tip: float | None, followers:
 def _check_fibre(name: str) -> None:
     if name.endswith(".json"):
         Sampler.load(name)
-    else:
+    elif is_fibre(name):
         read_fibre(name)
+    else:
+        read_model(name)
 
 
 @app.command("picture")

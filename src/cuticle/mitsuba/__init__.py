@@ -1,0 +1,95 @@
+"""Mitsuba 3: the BSDF `cuticle` and the integrator `dual_scattering`. Importing this module registers them.
+
+Python prepares what the plugins read, a scattering function's tables and the fitted lobes; the plugins themselves are
+compiled from the core's headers. docs/mitsuba.md lists every parameter.
+
+Examples
+--------
+>>> import mitsuba as mi  # doctest: +SKIP
+>>> mi.set_variant("scalar_rgb")  # doctest: +SKIP
+>>> import cuticle.mitsuba  # doctest: +SKIP
+>>> bsdf = mi.load_dict({"type": "cuticle", "fibre": "brown"})  # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from cuticle import _core
+from cuticle.llvm import check_llvm
+
+__all__ = ["MITSUBA_VERSION", "VARIANTS", "Material", "build", "read_material", "register"]
+
+MITSUBA_VERSION = "3.9.1"  # plugins are compiled against this one and fit no other
+VARIANTS = ("scalar_rgb", "scalar_spectral", "llvm_ad_rgb", "llvm_ad_spectral", "cuda_ad_rgb", "cuda_ad_spectral")
+
+try:
+    import mitsuba as mi
+except ImportError as error:
+    raise ImportError(
+        f"cuticle.mitsuba needs Mitsuba {MITSUBA_VERSION}, which is not here ({error}): pip install 'cuticle[mitsuba]'"
+    ) from None
+
+from cuticle.mitsuba.build import build  # noqa: E402 - where Mitsuba is absent, its own message
+from cuticle.mitsuba.material import Material, read_material  # noqa: E402
+
+
+def plugin_folder() -> Path:
+    """Return the folder whose `plugins` holds the compiled plugins."""
+    return Path(_core.__file__).parent
+
+
+def register() -> None:
+    """Make `cuticle` and `dual_scattering` known to Mitsuba, in every variant they are compiled for.
+
+    Importing the module calls it; it may be called again at any time.
+
+    Raises
+    ------
+    RuntimeError
+        Another version of Mitsuba, or a package that was built without the plugins.
+    """
+    if mi.__version__ != MITSUBA_VERSION:
+        raise RuntimeError(
+            f"the plugins are compiled for Mitsuba {MITSUBA_VERSION} and fit no other, this is {mi.__version__}:"
+            f" pip install mitsuba=={MITSUBA_VERSION}"
+        )
+    folder = plugin_folder()
+    if not list((folder / "plugins").glob("cuticle_bsdf.*")):
+        raise RuntimeError(
+            f"this cuticle was built without its Mitsuba plugins (none in {folder / 'plugins'}):"
+            f" install it again where Mitsuba {MITSUBA_VERSION} can be installed"
+        )
+    mi.detail.remove_variant_callback(_register_in)
+    mi.detail.add_variant_callback(_register_in)
+    _register_in(None, mi.variant())
+
+
+def _register_in(_: str | None, variant: str | None) -> None:
+    if variant not in VARIANTS:
+        return
+    resolver = mi.file_resolver()
+    if str(plugin_folder()) not in str(resolver):
+        resolver.append(str(plugin_folder()))
+    mi.register_bsdf("cuticle", partial(_core.in_one_line, _make_bsdf))
+
+
+def check_variant() -> None:
+    """Raise RuntimeError where the current variant cannot run here, before Dr.Jit aborts the process."""
+    variant = mi.variant()
+    if variant not in VARIANTS:
+        raise RuntimeError(f"the plugins are compiled for {', '.join(VARIANTS)}; the variant is {variant}")
+    check_llvm(variant)
+
+
+def _make_bsdf(props: Any) -> Any:
+    check_variant()
+    given = {name: props[name] for name in props.keys()}  # noqa: SIM118 - Mitsuba's, not a dict
+    scale = given.pop("scale", None)
+    material = read_material(given)
+    return build(material, scale=scale)
+
+
+register()

@@ -1,0 +1,170 @@
+"""A material as Mitsuba's BSDF: the tables its plugin reads."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from cuticle.chiang import Chiang
+from cuticle.export.function_table import FunctionTable, tabulate_function
+from cuticle.export.tables import TOLERANCE
+from cuticle.fibre import Fibre
+from cuticle.lobe_table import SIGMA_PHI, SIGMA_THETA
+from cuticle.mitsuba.material import Material, alone, among_others
+from cuticle.models import AVERAGE_LIMIT, DualScattering, Marschner
+from cuticle.sampler import Sampler
+
+# Where a spectrum of three values turns from blue to green and from green to red, nm.
+PRIMARY_EDGES = (453.5, 512.9, 587.6, 598.4)
+_WAVELENGTHS = (360.0, *PRIMARY_EDGES, 830.0)
+
+_SIZES = (4, 8, 16, 32)  # numbers of lobes that the plugin is compiled for
+_RATIO = 1.3  # between neighbouring absorptions of the tables
+_REACH = 8.0  # how far beyond the fibre's own absorption they go, either way
+COUNTS = (0.0, 1.0, 2.0, 4.0, 8.0, 16.0)  # strands that a table among others is for
+
+
+class _Tables(NamedTuple):
+    absorption: tuple[float, ...]  # one a column: the fibre's own, then the range
+    low: float
+    model: DualScattering | None
+    single: Marschner | Chiang
+
+
+@lru_cache(maxsize=8)
+def _tables(fibre: Fibre | Chiang) -> _Tables:
+    own = fibre.absorption
+    positive = [x for x in own if x > 0] or [0.1]
+    high = min(max(positive) * _REACH, 500.0)
+    low = max(min(positive) / _REACH, high / _RATIO ** (31 - len(own)))
+    with_others = isinstance(fibre, Fibre) and among_others(fibre) is not None
+    while True:
+        steps = math.ceil(math.log(high / low, _RATIO)) + 1
+        absorption = (*own, *(low * _RATIO**k for k in range(max(steps, 2))))
+        if isinstance(fibre, Chiang):
+            return _Tables(absorption, low, None, fibre.with_absorption(absorption))
+        wide = fibre.replace(sigma_a=absorption)
+        model = among_others(wide) if with_others else None
+        if model is not None or not with_others:
+            return _Tables(absorption, low, model, alone(wide))
+        # As printed, little absorption leaves multiple scattering without a sum: the range begins above that.
+        low *= _RATIO
+
+
+def build(material: Material, *, scale: Any = None) -> Any:
+    """Return Mitsuba's BSDF for a material; `scale`, a number or a texture, multiplies the absorption."""
+    fibre = material.fibre
+    closed = isinstance(fibre, (Fibre, Chiang)) and material.among is None
+    if scale is not None and not closed:
+        raise ValueError("scale multiplies a fibre's absorption (a Fibre's, or Chiang's on its own); a table has none")
+    props = mi.Properties("cuticle_bsdf" if closed else "cuticle_table")
+    if isinstance(fibre, (Fibre, Chiang)) and closed:
+        _closed_forms(props, fibre)
+        if scale is not None:
+            props["scale"] = scale
+    else:
+        _function_tables(props, material)
+    for name, sampler in (("single", material.single), ("combined", material.combined)):
+        if sampler is not None:
+            props[name] = _tensor(_padded(sampler))
+            props[f"{name}_even"] = sampler.even
+    props["about"] = _describe(material)
+    return mi.PluginManager.instance().create_object(props)
+
+
+def _closed_forms(props: Any, fibre: Fibre | Chiang) -> None:
+    tables = _tables(fibre)
+    lobes = fibre.half_angle_lobes if isinstance(fibre, Chiang) else (fibre.alpha, fibre.beta)
+    for name, radians in zip(("alpha", "beta"), lobes, strict=True):
+        props[name] = mi.ScalarVector3d(*radians)
+    props["exact"] = isinstance(fibre, Chiang) or fibre.formulation == "exact"
+    for name in ("d_f", "d_b"):
+        props[name] = getattr(fibre, name, 1.0)
+    props["limit"] = float(AVERAGE_LIMIT)
+    props["exact_channels"] = fibre.channels
+    props["sigma_a_low"] = tables.low
+    props["sigma_a_ratio"] = _RATIO
+    props["direct"] = _tensor(tables.single.tables.direct)
+    if tables.model is not None:
+        props["spread"] = _tensor(tables.model.single.tables.spread)
+        props["averages"] = _tensor(tables.model.average_table)
+    if isinstance(tables.single, Chiang):
+        props["rest"] = _tensor(tables.single.rest)
+        props["rest_variance"] = float(tables.single.variance[3])
+    props["sigma_a"] = _spectrum(fibre.absorption)
+
+
+def _function_tables(props: Any, material: Material) -> None:
+    functions: dict[str, Any] = {"alone_": material.fibre, "among_": material.among}
+    for prefix, function in functions.items():
+        if function is None:
+            continue
+        table = function_table(function, COUNTS if prefix == "among_" else (0.0,))
+        props[f"{prefix}strands"] = " ".join(map(str, table.strands))
+        for name in ("shape", "log_energy"):
+            props[prefix + name] = _tensor(getattr(table, name))
+        for name in ("reach", "stretch", "even"):
+            props[prefix + name] = getattr(table, name)
+    if mi.is_spectral and table.channels == 3:
+        for name, primary in zip(("red", "green", "blue"), np.eye(3).tolist(), strict=True):
+            props[name] = _spectrum(tuple(primary))
+
+
+@lru_cache(maxsize=8)
+def function_table(function: Any, counts: tuple[float, ...]) -> FunctionTable:
+    """Return the table that stands for a function in the plugin."""
+    return tabulate_function(function, counts, TOLERANCE)
+
+
+def _spectrum(values: tuple[float, ...]) -> Any:
+    """One value, or one for each primary, as Mitsuba takes it: a number, a colour or, in spectral variants, a spectrum.
+
+    Mitsuba would make a smooth spectrum of a colour, which leaves dark hair with too much blue: what is seen is
+    exp(-sigma_a), not sigma_a. One value a primary, between PRIMARY_EDGES, gives the colour back
+    (benchmarks/spectrum.py).
+    """
+    if len(values) == 1:
+        return values[0]
+    if mi.is_rgb:
+        return mi.ScalarColor3d(*values)
+    red, green, blue = values
+    steps = (blue, blue, green, green, red, red)
+    return mi.load_dict(
+        {"type": "irregular", "wavelengths": ", ".join(map(str, _WAVELENGTHS)), "values": ", ".join(map(str, steps))}
+    )
+
+
+def _tensor(values: NDArray[np.float64]) -> Any:
+    return mi.TensorXf(np.ascontiguousarray(values, np.float32))
+
+
+def _padded(sampler: Sampler) -> NDArray[np.float64]:
+    """The one row of a sampler as (theta nodes, 5, K), K rounded up by lobes of weight 0."""
+    nodes = sampler.nodes[0]
+    size = next(k for k in _SIZES if k >= sampler.lobes)
+    out = np.zeros((*nodes.shape[:2], size))
+    out[:, [SIGMA_THETA, SIGMA_PHI], :] = 1
+    out[:, :, : sampler.lobes] = nodes
+    return out
+
+
+def _describe(material: Material) -> str:
+    def text(name: str, sampler: Sampler | None) -> str:
+        if sampler is None:
+            return f"{name} = uniform sphere"
+        form = sampler.about.get("form", "lobes")
+        return f"{name} = {form}, {sampler.lobes} lobes, {sampler.nodes.shape[1]} nodes in theta_r"
+
+    fibre = repr(material.fibre if material.among is None else material.among)
+    if isinstance(material.fibre, Fibre):
+        values = ", ".join(f"{k}={v}" for k, v in material.fibre.model_dump(exclude_none=True).items())
+        fibre = f"[{values}]"
+    lines = [f"fibre = {fibre}", text("sampling", material.single)]
+    if material.combined is not None:
+        lines.append(text("sampling among strands", material.combined))
+    return ",\n".join(lines)

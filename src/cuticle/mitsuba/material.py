@@ -1,0 +1,216 @@
+"""What a BSDF `cuticle` is made of: a scattering function and its samplers, from the plugin's parameters."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import mitsuba as mi
+
+from cuticle import validate
+from cuticle.chiang import Chiang
+from cuticle.combine import combine
+from cuticle.document import find_functions, highlight_axis, table_2, table_3
+from cuticle.fibre import Fibre
+from cuticle.fit import DRAFT, DocumentFunctions, fit
+from cuticle.lobe_table import MAX_LOBES
+from cuticle.models import LONGITUDINAL_OF, Bcsdf, DualScattering, Marschner
+from cuticle.origin import WHAT, is_fibre, model_of, read_model
+from cuticle.presets import PRESETS, read_fibre
+from cuticle.render.scene import SAMPLINGS
+from cuticle.sampler import Sampler
+from cuticle.strands import Strands
+
+PARAMETERS = ("fibre", "filename", "sampling", "lobes", "direct_share", "scale")
+_CHIANG = frozenset(Chiang.model_fields) - frozenset(Fibre.model_fields)
+_DENSITIES = ("d_f", "d_b")
+
+
+class Material(NamedTuple):
+    """What a BSDF `cuticle` is made of.
+
+    `single` is the sampler of a strand on its own, None for the uniform sphere; `combined` that of a strand among others,
+    whatever lies between it and the light, None where that is not known. A `Fibre` says itself what it is among others; for
+    any other function `among` does.
+    """
+
+    fibre: Fibre | Chiang | Bcsdf
+    single: Sampler | None
+    combined: Sampler | None
+    among: Strands | None = None
+
+
+def read_material(given: dict[str, Any]) -> Material:
+    """Return the scattering function and the samplers that a plugin's parameters ask for.
+
+    Raises
+    ------
+    ValueError
+        One line: the parameter, what it may be, what came.
+    """
+    known = (*PARAMETERS, *Fibre.model_fields, *sorted(_CHIANG))
+    for name in given:
+        if name not in known:
+            raise ValueError(f"cuticle has no parameter {name!r}; it has {', '.join(PARAMETERS)}, or a fibre's own")
+    sampling = validate.choice("sampling", given.get("sampling", "lobes"), SAMPLINGS)
+    lobes = validate.integer("lobes", given.get("lobes", 4), 1, MAX_LOBES // 2)
+    share = validate.number("direct_share", given.get("direct_share", 0.5), 0.01, 0.99)
+    loaded = _load(_resolve(given["filename"])) if "filename" in given else None
+    own = {name: _plain(value) for name, value in given.items() if name in known[len(PARAMETERS) :]}
+    function = _read_function(given.get("fibre"), own, loaded)
+    if isinstance(function, Fibre):
+        fibre = _with_own(function, own)
+        if sampling == "uniform":
+            return Material(fibre, None, None)
+        if loaded is not None and sampling == "lobes":
+            return Material(fibre, *_rows(loaded, share))
+        return Material(fibre, *_samplers(fibre, lobes, sampling, share))
+    if sampling == "document":
+        raise ValueError("sampling document is for a fibre of R, TT and TRT (a preset, a TOML file with [fibre]); use lobes")
+    among = function if isinstance(function, Strands) else None
+    single: Any = among.model if among is not None else function
+    _check_channels(len(single.eval(0.0, 0.0, 3.0)))
+    if sampling == "uniform":
+        return Material(single, None, None, among)
+    if loaded is None:
+        return Material(single, _fitted(single, lobes), None)
+    alone, combined = _rows(loaded, share)
+    return Material(single, alone, combined if among is not None else None, among)
+
+
+def _resolve(name: Any) -> str:
+    """A file's path as Mitsuba finds it: beside the scene, too."""
+    return str(mi.file_resolver().resolve(str(name)))
+
+
+def _read_function(name: Any, own: dict[str, Any], loaded: Sampler | None) -> Any:
+    """The fibre, or the scattering function that is none: named, of the sampler, or from parameters of its own."""
+    chiang = bool(_CHIANG & own.keys())
+    if name is not None:
+        function = _named(str(name), _stamp(str(name)))
+        if loaded is not None and "among" in loaded.about and not isinstance(function, Fibre):
+            function = _among(function, 1.0, 1.0)
+    elif loaded is not None:
+        function = loaded.fibre if loaded.fibre is not None else _of_sampler(loaded)
+    elif chiang:
+        return Chiang(**own)
+    elif own:
+        return Fibre(**own)
+    else:
+        raise ValueError(f"cuticle needs a fibre: fibre ({WHAT}), filename, or sigma_a")
+    if isinstance(function, Chiang) and own.keys() <= set(Chiang.model_fields):
+        return Chiang(**function.model_dump(exclude_none=True) | own)
+    if isinstance(function, Strands):
+        # These stand for gaps between strands. Here strands are counted, gaps and all: 0.7 would take them off twice.
+        densities = {name: own.pop(name, 1.0) for name in _DENSITIES}
+        single: Any = function.model
+        function = _among(single, *densities.values())
+    if own and (chiang or not isinstance(function, Fibre)):
+        what = f"{sorted(own)[0]} is no parameter of this scattering function ({type(function).__name__})"
+        raise ValueError(f"{what}: change what it is made of")
+    return function
+
+
+def _stamp(name: str) -> int:
+    """What tells whether a file has changed since it was read."""
+    path = Path(_resolve(name))
+    return path.stat().st_mtime_ns if path.is_file() else 0
+
+
+@lru_cache(maxsize=16)
+def _named(name: str, _: int) -> Any:
+    path = name if name in PRESETS else _resolve(name)
+    return read_fibre(path) if is_fibre(path) else read_model(name if not Path(path).exists() else path)
+
+
+def _load(path: str) -> Sampler:
+    return _loaded(path, _stamp(path))
+
+
+@lru_cache(maxsize=16)
+def _loaded(path: str, _: int) -> Sampler:
+    return Sampler.load(path)
+
+
+@lru_cache(maxsize=16)
+def _of_sampler(loaded: Sampler) -> Any:
+    """The function that a sampler was fitted to."""
+    try:
+        return model_of(loaded)
+    except ValueError as error:
+        raise ValueError(f"{error}; or give fibre, too") from None
+
+
+@lru_cache(maxsize=16)
+def _among(single: Any, d_f: float, d_b: float) -> Strands:
+    return Strands(single, d_f=d_f, d_b=d_b)
+
+
+@lru_cache(maxsize=16)
+def _fitted(function: Any, lobes: int) -> Sampler:
+    return fit(function, lobes).sampler
+
+
+def _with_own(fibre: Fibre, own: dict[str, Any]) -> Fibre:
+    if fibre.formulation == "exact":
+        own = {**dict.fromkeys(_DENSITIES, 1.0), **own}  # as in _read_function
+    if own:
+        fibre = fibre.replace(**own)
+    _check_channels(fibre.channels)
+    return fibre
+
+
+def _check_channels(channels: int) -> None:
+    if channels not in (1, 3):
+        raise ValueError(f"a fibre must have 1 or 3 channels (linear RGB) in a render, got {channels}")
+
+
+def _rows(sampler: Sampler, share: float) -> tuple[Sampler, Sampler]:
+    """What a sampler from a file serves: its row for no strands, and the mixture with the row nearest to 2 strands."""
+    single = sampler.row(0.0) if 0 in sampler.strands else sampler.row(sampler.strands[0])
+    several = [n for n in sampler.strands if n > 0]
+    if not several:
+        return single, single
+    return single, combine(single, sampler, share, strands=min(several, key=lambda n: abs(n - 2)))
+
+
+@lru_cache(maxsize=16)
+def _samplers(fibre: Fibre, lobes: int, form: str, share: float) -> tuple[Sampler, Sampler | None]:
+    model = among_others(fibre)
+    if form == "document":
+        if model is None:
+            raise ValueError("sampling document needs a fibre whose multiple scattering has a sum: raise sigma_a")
+        both = fit(model, strands=(0, 2), form="document", functions=_document_functions(model)).sampler
+        return both.row(0.0), combine(both, both, share, strands=2)
+    single = fit(alone(fibre), lobes).sampler
+    if model is None:
+        return single, None
+    both = fit(model, lobes, strands=(0, 2)).sampler
+    return single, combine(both, both, share, strands=2)
+
+
+def _document_functions(model: DualScattering) -> DocumentFunctions:
+    """The draft's functions as found for this fibre, or the draft's own numbers where no Gaussian describes it."""
+    try:
+        return find_functions(table_2(model), table_3(model), highlight_axis(model)).functions
+    except ValueError:
+        return DRAFT
+
+
+def alone(fibre: Fibre) -> Marschner:
+    """Return the fibre's function on its own."""
+    return Marschner(fibre, LONGITUDINAL_OF[fibre.formulation])
+
+
+def among_others(fibre: Fibre) -> DualScattering | None:
+    """Return the fibre among strands; None where light that is never absorbed leaves multiple scattering without a sum."""
+    try:
+        return DualScattering(fibre)
+    except ValueError:
+        return None
+
+
+def _plain(value: Any) -> Any:
+    """A plugin's parameter as a fibre takes it: colours and vectors become lists."""
+    return value if isinstance(value, (str, int, float)) else [float(x) for x in value]

@@ -1,0 +1,151 @@
+"""Functions that are no `Fibre`'s in the BSDF `cuticle`: Chiang's closed forms, tables, dual scattering of both."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import cuticle
+from cuticle.render.groom import hair_ball
+from test_cli import run
+from test_export_functions import CHIANG, make_table
+from test_mitsuba import VARIANTS, UseVariant, ask, random_directions, relative
+
+TILTED = CHIANG.model_copy(update={"alpha": 4.0, "eumelanin": 0.8})
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A table, Chiang's parameters, and samplers of both among strands."""
+    made = tmp_path_factory.mktemp("functions")
+    make_table(made / "mine.npz", TILTED.eval)
+    TILTED.save(made / "mine.toml")
+    for name, single in (("chiang", TILTED), ("table", cuticle.Tabulated.load(made / "mine.npz"))):
+        cuticle.fit(cuticle.Strands(single), 2, strands=(0, 2)).sampler.save(made / f"{name}.json")
+    return made
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_chiang_says_what_python_says(variant: str, folder: Path, use_variant: UseVariant) -> None:
+    mi = use_variant(variant)
+    from cuticle import mitsuba as plugin
+
+    rng = np.random.default_rng(3)
+    count = VARIANTS[variant] // 4
+    r, i, u = random_directions(rng, count), random_directions(rng, count), rng.random((count, 3), np.float32)
+    given: dict[str, Any] = {"fibre": str(folder / "mine.toml")}
+    said = ask(mi, mi.load_dict({"type": "cuticle"} | given), r, i, u)
+    f = TILTED.eval(i.theta, r.theta, i.phi - r.phi) * np.cos(i.theta)[:, None]
+    assert relative(said.f, f) <= 2e-4
+    material = plugin.read_material(given)
+    assert material.fibre == TILTED
+    assert relative(said.pdf, material.single.pdf(i.theta, r.theta, i.phi - r.phi)) <= 1e-4
+    # Parameters in the scene, over those of the file; another absorption falls between two of the tables.
+    inline = {"beta_m": 0.6, "beta_n": 0.6, "alpha": 4.0, "eumelanin": 0.8}
+    assert plugin.read_material(inline).fibre == TILTED
+    assert plugin.read_material(given | {"alpha": 1.0}).fibre == TILTED.model_copy(update={"alpha": 1.0})
+    darker = ask(mi, mi.load_dict({"type": "cuticle", "scale": 2.0} | given), r, i, u)
+    f = TILTED.with_absorption(tuple(2 * x for x in TILTED.absorption)).eval(i.theta, r.theta, i.phi - r.phi)
+    f *= np.cos(i.theta)[:, None]
+    assert np.abs(darker.f - f).max() <= 0.01 * f.max()
+
+
+@pytest.mark.parametrize("name", ["chiang", "table"])
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_tables_say_what_python_says(variant: str, name: str, folder: Path, use_variant: UseVariant) -> None:
+    mi = use_variant(variant)
+    from cuticle import mitsuba as plugin
+    from cuticle.mitsuba.build import COUNTS, function_table
+
+    rng = np.random.default_rng(4)
+    count = VARIANTS[variant] // 8
+    r, i, u = random_directions(rng, count), random_directions(rng, count), rng.random((count, 3), np.float32)
+    given = {"filename": str(folder / f"{name}.json")}
+    material = plugin.read_material(given)
+    assert material.among is not None
+    assert material.among.d_f == 1
+    bsdf = mi.load_dict({"type": "cuticle"} | given)
+    phi = i.phi - r.phi
+    n = rng.choice([0, 0.5, 1, 2, 3, 7, 20], count)
+    for strands, function, counts in ((None, material.fibre, (0.0,)), (n, material.among, COUNTS)):
+        said = ask(mi, bsdf, r, i, u, strands)
+        table = function_table(function, counts)
+        out = np.empty((count, 3))
+        table._core.eval(i.theta, r.theta, phi, np.zeros(count) if strands is None else strands, out)
+        f = out * np.cos(i.theta)[:, None]
+        assert np.abs(said.f / f - 1).max() <= 1e-3
+        sampler = material.single if strands is None else material.combined
+        assert sampler is not None
+        assert relative(said.pdf, sampler.pdf(i.theta, r.theta, phi)) <= 1e-4
+        exact = function.eval(i.theta, r.theta, phi) * np.cos(i.theta)[:, None]
+        if strands is None:
+            assert np.abs(f - exact).mean() <= 0.02 * exact.mean()
+
+
+def test_a_spectrum_of_a_table_has_its_channels(folder: Path, use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_spectral")
+    rng = np.random.default_rng(5)
+    r, i, u = random_directions(rng, 50), random_directions(rng, 50), rng.random((50, 3), np.float32)
+    said = ask(mi, mi.load_dict({"type": "cuticle", "fibre": str(folder / "mine.npz")}), r, i, u)
+    mi = use_variant("scalar_rgb")
+    rgb = ask(mi, mi.load_dict({"type": "cuticle", "fibre": str(folder / "mine.npz")}), r, i, u)
+    # ask() gives 440, 550, 570 and 620 nm.
+    np.testing.assert_allclose(said.f[:, [0, 1, 3]], rgb.f[:, ::-1], rtol=1e-5)
+
+
+@pytest.mark.parametrize("integrator", ["path", "dual_scattering"])
+def test_a_measured_fibre_is_rendered(integrator: str, folder: Path, use_variant: UseVariant) -> None:
+    """A table of Chiang's function and the function itself make the same picture, and light passes through strands."""
+    mi = use_variant("scalar_rgb")
+    path = folder / "ball.txt"
+    hair_ball(200).with_thickness(0.03).save(path)
+
+    def render(bsdf: dict[str, Any]) -> np.ndarray:
+        scene = mi.load_dict(
+            {
+                "type": "scene",
+                "integrator": {"type": integrator} | ({"counter": "trace"} if integrator == "dual_scattering" else {}),
+                "hair": {"type": "bsplinecurve", "filename": str(path), "bsdf": {"type": "cuticle"} | bsdf},
+                "light": {"type": "constant"},
+                "sensor": {
+                    "type": "perspective",
+                    "to_world": mi.ScalarTransform4f().look_at([0, 0, 6], [0, 0, 0], [0, 1, 0]),
+                    "film": {"type": "hdrfilm", "width": 24, "height": 24, "rfilter": {"type": "box"}},
+                },
+            }
+        )
+        return np.array(mi.render(scene, spp=32, seed=1))[..., :3]
+
+    of_function, of_table = (render({"filename": str(folder / f"{name}.json")}) for name in ("chiang", "table"))
+    assert np.isfinite(of_table).all()
+    np.testing.assert_allclose(of_table.mean(), of_function.mean(), rtol=0.01)
+    if integrator == "dual_scattering":
+        alone = render({"fibre": str(folder / "mine.npz")})  # of a single strand: its shadows are opaque
+        assert of_table.mean() > 1.02 * alone.mean()
+
+
+def test_what_a_function_has_not_is_one_line(folder: Path, use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    table = str(folder / "mine.npz")
+    for given, words in (
+        ({"fibre": table, "sigma_a": 1.0}, "sigma_a is no parameter of this scattering function (Tabulated)"),
+        ({"fibre": table, "scale": 2.0}, "scale multiplies a fibre's absorption"),
+        ({"fibre": table, "sampling": "document"}, "sampling document is for a fibre of R, TT and TRT"),
+        ({"fibre": "brown", "beta_m": 0.3}, "beta_m is no parameter of this scattering function (Fibre)"),
+        ({"beta_m": 0.3}, "a fibre needs its absorption"),
+        ({"fibre": str(folder / "nowhere.npz")}, "nowhere.npz"),
+    ):
+        with pytest.raises(Exception, match="cuticle") as caught:
+            mi.load_dict({"type": "cuticle"} | given)
+        assert words in str(caught.value)
+
+
+def test_the_command_renders_a_table(folder: Path, use_variant: UseVariant) -> None:
+    use_variant("scalar_rgb")
+    options = ["--spp", "2", "--width", "32", "--integrator", "path", "--depth", "2", "-o", "ball.png"]
+    done = run("render", "ball", "--fibre", "mine.npz", *options, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert (folder / "ball.png").exists()
