@@ -17,8 +17,9 @@ import numpy as np
 from rich.console import Console
 
 from cuticle.console import table
-from cuticle.render.groom import Groom, hair_ball, join_grooms, read_groom
+from cuticle.render.groom import Groom, join_grooms, read_groom
 from cuticle.render.picture import rel_mse
+from cuticle.render.procedural import hair_ball
 from cuticle.render.scene import Light, View, bsdf, integrator, load_scene, mitsuba
 
 RUNS, SPP = 4, 16

@@ -18,7 +18,8 @@ from rich.console import Console
 
 from cuticle.console import table
 from cuticle.render.density import DensityGrid
-from cuticle.render.groom import Groom, hair_ball, join_grooms, read_groom
+from cuticle.render.groom import Groom, join_grooms, read_groom
+from cuticle.render.procedural import hair_ball
 from cuticle.render.scene import View, bsdf, integrator, load_scene, mitsuba
 
 ROUNDS, SPP, SIZE = 5, 8, 512

@@ -19,8 +19,9 @@ from cuticle.files import write_bytes
 from cuticle.models import Marschner
 from cuticle.quality import UniformSphere, measure
 from cuticle.render.compare import compare_samplings
-from cuticle.render.groom import Groom, hair_ball, join_grooms, read_groom, wavy_lock
+from cuticle.render.groom import Groom, join_grooms, read_groom
 from cuticle.render.picture import over_backdrop, render, srgb
+from cuticle.render.procedural import hair_ball, hair_head, wavy_lock
 from cuticle.render.scene import Light, View, bsdf, integrator, load_scene, mitsuba
 from cuticle.terminal import progress_bar
 
@@ -157,10 +158,23 @@ def textured(mi: Any) -> None:
     write_bytes(IMAGES / "strand_by_strand.png", png(srgb(np.concatenate(images, axis=1))))
 
 
+def built_in(mi: Any) -> None:
+    """The head of hair that needs no file, in three colours."""
+    head = hair_head()
+    red = {"type": "cuticle", "eumelanin": 0.1, "pheomelanin": 1.6, "beta_R": 7.0, "beta_N": 12.0, "alpha_R": -2.5}
+    images = []
+    for material, azimuth, elevation in ((bsdf("blond"), 25, 10), (bsdf("brown"), -30, 22), (red, 60, 8)):
+        view = View(azimuth=azimuth, elevation=elevation, width=380, height=460)
+        scene = load_scene(mi, head, material, view=view, light=Light("studio"), technique=integrator("dual"))
+        with progress_bar() as progress:
+            images.append(over_backdrop(render(scene, 192, progress=progress).image * np.array([1.3] * 3 + [1])))
+    write_bytes(IMAGES / "built_in.png", png(srgb(np.concatenate(images, axis=1))))
+
+
 def main() -> None:
     data = Path(os.environ.get("CUTICLE_DATA", Path(__file__).parents[1] / "../shared/data"))
     mi = mitsuba("scalar_rgb")
-    wanted = sys.argv[1:] or ["heads", "equal_time", "beside_paths", "textured"]
+    wanted = sys.argv[1:] or ["heads", "equal_time", "beside_paths", "textured", "built_in"]
     if "heads" in wanted:
         heads(mi, data)
     if "equal_time" in wanted:
@@ -169,6 +183,8 @@ def main() -> None:
         beside_paths(mi, data)
     if "textured" in wanted:
         textured(mi)
+    if "built_in" in wanted:
+        built_in(mi)
 
 
 if __name__ == "__main__":

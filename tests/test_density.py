@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from cuticle.render.density import DensityGrid
-from cuticle.render.groom import Groom, hair_ball, read_groom, wavy_lock
+from cuticle.render.groom import Groom, read_groom
+from cuticle.render.procedural import hair_ball, wavy_lock
 
 
 def straight(count: int, direction: int, seed: int = 3) -> Groom:

@@ -12,7 +12,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from cuticle.render.groom import Groom, hair_ball, join_grooms, read_groom, wavy_lock
+from cuticle.render.groom import Groom, join_grooms, read_groom
+from cuticle.render.procedural import hair_ball, hair_head, wavy_lock
 
 COUNTS = (2, 5, 3, 4)
 
@@ -293,6 +294,24 @@ def test_procedural_grooms_need_no_file(make: Callable[..., Groom]) -> None:
     )
 
 
+def test_a_head_of_hair_falls_about_its_skull() -> None:
+    g = hair_head(2000)
+    np.testing.assert_array_equal(hair_head(2000).points, g.points)
+    assert g.strands == 2000
+    assert g.counts.min() >= 4
+    skull = np.array([0.78, 1.0, 0.92])
+    roots = g.points[g.offsets[:-1]]
+    np.testing.assert_allclose(np.linalg.norm(roots / skull, axis=1), 1, atol=1e-5)
+    assert not ((roots[:, 2] < -0.6) & (roots[:, 1] < 0.3)).any()  # no hair in the face
+    outside = np.linalg.norm(g.points / skull, axis=1)
+    assert np.quantile(outside[g.along() > 0.2], 0.01) > 0.97  # it rests on the skull
+    tips = g.points[g.offsets[1:] - 1]
+    assert np.quantile(tips[:, 1], 0.9) < -1.5  # long, down to one hemline
+    assert tips[:, 1].std() < 0.45
+    assert hair_head(500, length=1.0).bounds[0][1] > -1.2
+    assert (hair_head(300, waves=0, frizz=0).lengths > 0.1).all()
+
+
 @pytest.mark.parametrize(
     ("call", "words"),
     [
@@ -307,6 +326,8 @@ def test_procedural_grooms_need_no_file(make: Callable[..., Groom]) -> None:
         (lambda g: hair_ball(0), "strands must be in"),
         (lambda g: hair_ball(10, points=1), "points must be in"),
         (lambda g: wavy_lock(10, length=0), "length must be in"),
+        (lambda g: hair_head(10, points=4), "points must be in"),
+        (lambda g: hair_head(10, frizz=-1), "frizz must be in"),
         (lambda g: join_grooms([]), "at least one groom"),
         (lambda g: read_groom("x.hair", radius=0), "radius must be in"),
     ],

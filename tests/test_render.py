@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 
 import cuticle
-from cuticle.render.groom import Groom, hair_ball, wavy_lock
+from cuticle.render.groom import Groom
 from cuticle.render.picture import over_backdrop, passes, rel_mse, render, save_picture
+from cuticle.render.procedural import hair_ball, wavy_lock
 from cuticle.render.scene import Light, View, bsdf, integrator, load_scene
 
 if importlib.util.find_spec("mitsuba") is None:

@@ -33,9 +33,9 @@ template <class Float> struct ChiangState {
 
 // sigma_a, luminance: one value a channel; luminance weighs the channels when a lobe is drawn. Null weighs them so that the
 // mean over channels of 1/ESS is least: for lobes that lie apart, by the root of Σ_c (A_p,c / Σ_p A_p,c)².
-template <class Float, class Scalar>
+template <class Float, class Scalar, class Absorption>
 CUTICLE_HD ChiangState<Float> chiang_state(const ChiangFibre<Scalar> &fibre, const Float &theta_r, const Float &h,
-                                           const Scalar *sigma_a, const Scalar *luminance, int channels) {
+                                           const Absorption *sigma_a, const Scalar *luminance, int channels) {
     ChiangState<Float> state;
     state.ray =
         cross_section(Float(math::asin(h)), Float(math::sin(theta_r)), Float(math::cos_theta(theta_r)), Float(fibre.eta));
@@ -73,8 +73,8 @@ CUTICLE_HD Float chiang_lobe(const ChiangFibre<Scalar> &fibre, const ChiangState
 }
 
 // f in 1/sr, without a cosine, into f[channels]; `lobes` as LobeMask, mask_back for the orders past TRT.
-template <class Float, class Scalar>
-CUTICLE_HD void chiang_eval(const ChiangFibre<Scalar> &fibre, const ChiangState<Float> &state, const Scalar *sigma_a,
+template <class Float, class Scalar, class Absorption>
+CUTICLE_HD void chiang_eval(const ChiangFibre<Scalar> &fibre, const ChiangState<Float> &state, const Absorption *sigma_a,
                             int channels, int lobes, const Float &theta_i, const Float &phi, Float *f) {
     for (int c = 0; c < channels; ++c) f[c] = Float(0);
     const Float secant = Float(1) / math::cos_theta(theta_i);

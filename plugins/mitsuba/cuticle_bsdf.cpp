@@ -7,6 +7,7 @@ NAMESPACE_BEGIN(mitsuba)
 template <typename Float, typename Spectrum> class CuticleBSDF final : public HairBSDF<Float, Spectrum> {
   public:
     MI_IMPORT_BASE(HairBSDF, m_about)
+    using typename Base::Angles;
     MI_IMPORT_TYPES(Texture)
     using FloatBuffer = DynamicBuffer<Float>;
     using Memory = cuticle_mitsuba::Memory<Float>;
@@ -75,7 +76,7 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ha
 
   private:
     UnpolarizedSpectrum scattered(const BSDFContext &ctx, const SurfaceInteraction3f &si, const Float &theta_i,
-                                  const Float &theta_r, const Float &phi, Mask active) const override {
+                                  const Angles &r, const Float &phi, Mask active) const override {
         const bool surrounded = cuticle_mitsuba::among_strands(ctx);
         const auto table = [&](const FloatBuffer &data) {
             return cuticle::AzimuthalTable<Memory>{cuticle_mitsuba::memory<Float>(data), m_rows, m_columns, m_channels};
@@ -88,20 +89,20 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ha
                           m_d_f,
                           m_d_b};
         const auto at =
-            cuticle::locate(model.direct, cuticle::azimuthal_inclination(m_fibre.form, theta_i, theta_r), Float(phi));
+            cuticle::locate(model.direct, cuticle::azimuthal_inclination(m_fibre.form, theta_i, r.theta), Float(phi));
         cuticle::AzimuthalTerms<Float> alone;
-        cuticle::marschner_terms(m_fibre, theta_i, theta_r, cuticle::mask_all, 1, &alone);
+        cuticle::marschner_terms(m_fibre, theta_i, r.theta, cuticle::mask_all, 1, &alone);
         const Float n = surrounded ? cuticle_mitsuba::strands(si) : Float(0);
         const cuticle::ChiangRest<float, Memory> rest{cuticle_mitsuba::memory<Float>(m_rest), m_rest_rows, m_channels,
                                                       m_rest_variance};
         const auto value = [&](const auto &channel) {
             if (!surrounded) {
                 Float f(0);
-                if (m_rest_rows) f = cuticle::chiang_far_rest(rest, theta_i, theta_r, channel);
+                if (m_rest_rows) f = cuticle::chiang_far_rest(rest, theta_i, r.theta, channel);
                 return cuticle::add_rows(f, model.direct, alone, cuticle::direct_rows, at, channel);
             }
             auto terms = alone;
-            cuticle::add_surroundings(model, channel, theta_i, theta_r, n, cuticle::mask_all, terms);
+            cuticle::add_surroundings(model, channel, theta_i, r.theta, n, cuticle::mask_all, terms);
             return cuticle::sum_around(model, terms, at, channel, n);
         };
         UnpolarizedSpectrum f(0.f);

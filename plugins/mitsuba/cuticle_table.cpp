@@ -10,6 +10,7 @@ NAMESPACE_BEGIN(mitsuba)
 template <typename Float, typename Spectrum> class CuticleTable final : public HairBSDF<Float, Spectrum> {
   public:
     MI_IMPORT_BASE(HairBSDF, m_about)
+    using typename Base::Angles;
     MI_IMPORT_TYPES(Texture)
     static constexpr int most_channels = 3;
 
@@ -81,10 +82,10 @@ template <typename Float, typename Spectrum> class CuticleTable final : public H
     };
 
     UnpolarizedSpectrum scattered(const BSDFContext &ctx, const SurfaceInteraction3f &si, const Float &theta_i,
-                                  const Float &theta_r, const Float &phi, Mask active) const override {
+                                  const Angles &r, const Float &phi, Mask active) const override {
         Float f[most_channels];
-        if (cuticle_mitsuba::among_strands(ctx)) m_among.eval(theta_i, theta_r, phi, cuticle_mitsuba::strands(si), f);
-        else m_alone.eval(theta_i, theta_r, phi, Float(0), f);
+        if (cuticle_mitsuba::among_strands(ctx)) m_among.eval(theta_i, r.theta, phi, cuticle_mitsuba::strands(si), f);
+        else m_alone.eval(theta_i, r.theta, phi, Float(0), f);
         UnpolarizedSpectrum result(f[0]);
         if (m_alone.channels == 3) {
             if constexpr (is_spectral_v<Spectrum>) {

@@ -30,27 +30,16 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
         BSDFSample3f bs = dr::zeros<BSDFSample3f>();
         if (unlikely(dr::none_or<false>(active) || !ctx.is_enabled(BSDFFlags::Glossy))) return {bs, 0.f};
         const Angles r = angles(si.wi);
-        const auto &mixture = mixture_of(ctx);
-        Float theta_i, phi;
-        if (mixture.empty()) {
-            const Float sin_theta = Float(2) * sample2.x() - Float(1);
-            theta_i = dr::safe_asin(sin_theta);
-            phi = dr::TwoPi<Float> * sample2.y();
-            bs.pdf = dr::InvFourPi<Float>;
-        } else {
-            const auto s = mixture.sample(r.theta, sample1, sample2.x(), sample2.y());
-            theta_i = s.theta_i;
-            phi = s.phi;
-            bs.pdf = s.pdf;
-        }
+        const auto [theta_i, phi, pdf] = draw(ctx, si, r, sample1, sample2, active);
         const auto d = cuticle::to_direction(theta_i, Float(r.phi + phi));
         bs.wo = {d.y, d.x, d.z};
+        bs.pdf = pdf;
         bs.eta = 1.f;
         bs.sampled_type = +BSDFFlags::Glossy;
         bs.sampled_component = 0;
         active &= bs.pdf > 0.f;
         if (cuticle_mitsuba::direction_only(ctx)) return {bs, 0.f};
-        const UnpolarizedSpectrum value = scattered(ctx, si, theta_i, r.theta, phi, active);
+        const UnpolarizedSpectrum value = scattered(ctx, si, theta_i, r, phi, active);
         return {bs, depolarizer<Spectrum>(dr::select(active, value / bs.pdf, 0.f))};
     }
 
@@ -58,14 +47,14 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
         MI_MASKED_FUNCTION(ProfilerPhase::BSDFEvaluate, active);
         if (unlikely(dr::none_or<false>(active) || !ctx.is_enabled(BSDFFlags::Glossy))) return 0.f;
         const Angles r = angles(si.wi), i = angles(wo);
-        return depolarizer<Spectrum>(scattered(ctx, si, i.theta, r.theta, i.phi - r.phi, active)) & active;
+        return depolarizer<Spectrum>(scattered(ctx, si, i.theta, r, i.phi - r.phi, active)) & active;
     }
 
     Float pdf(const BSDFContext &ctx, const SurfaceInteraction3f &si, const Vector3f &wo, Mask active) const override {
         MI_MASKED_FUNCTION(ProfilerPhase::BSDFEvaluate, active);
         if (unlikely(dr::none_or<false>(active) || !ctx.is_enabled(BSDFFlags::Glossy))) return 0.f;
         const Angles r = angles(si.wi), i = angles(wo);
-        return dr::select(active, density(ctx, i.theta, r.theta, i.phi - r.phi), 0.f);
+        return dr::select(active, density(ctx, si, i.theta, r, i.phi - r.phi, active), 0.f);
     }
 
     std::pair<Spectrum, Float> eval_pdf(const BSDFContext &ctx, const SurfaceInteraction3f &si, const Vector3f &wo,
@@ -74,8 +63,8 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
         if (unlikely(dr::none_or<false>(active) || !ctx.is_enabled(BSDFFlags::Glossy))) return {0.f, 0.f};
         const Angles r = angles(si.wi), i = angles(wo);
         const Float phi = i.phi - r.phi;
-        return {depolarizer<Spectrum>(scattered(ctx, si, i.theta, r.theta, phi, active)) & active,
-                dr::select(active, density(ctx, i.theta, r.theta, phi), 0.f)};
+        return {depolarizer<Spectrum>(scattered(ctx, si, i.theta, r, phi, active)) & active,
+                dr::select(active, density(ctx, si, i.theta, r, phi, active), 0.f)};
     }
 
   protected:
@@ -93,16 +82,33 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
         m_flags = m_components[0] | m_components[1] | (knows_strands ? cuticle_mitsuba::hair_flag : 0u);
     }
 
+    struct Angles {
+        Float theta, phi;
+    };
+
+    // For a viewer at r; phi is measured from its azimuth.
     // f cos(theta_i): of the strand alone or, where the context says so, of a strand among others.
     virtual UnpolarizedSpectrum scattered(const BSDFContext &ctx, const SurfaceInteraction3f &si, const Float &theta_i,
-                                          const Float &theta_r, const Float &phi, Mask active) const = 0;
+                                          const Angles &r, const Float &phi, Mask active) const = 0;
+
+    // theta_i, phi and their density in 1/sr: from the lobes, or where there are none over the sphere.
+    virtual cuticle::Sample<Float> draw(const BSDFContext &ctx, const SurfaceInteraction3f &, const Angles &r,
+                                        const Float &sample1, const Point2f &sample2, Mask) const {
+        const auto &mixture = mixture_of(ctx);
+        if (!mixture.empty()) return mixture.sample(r.theta, sample1, sample2.x(), sample2.y());
+        return {dr::safe_asin(Float(2) * sample2.x() - Float(1)), dr::TwoPi<Float> * sample2.y(), dr::InvFourPi<Float>};
+    }
+
+    // The density of `draw`.
+    virtual Float density(const BSDFContext &ctx, const SurfaceInteraction3f &, const Float &theta_i, const Angles &r,
+                          const Float &phi, Mask) const {
+        const auto &mixture = mixture_of(ctx);
+        return mixture.empty() ? dr::InvFourPi<Float> : mixture.pdf(theta_i, r.theta, phi);
+    }
 
     std::string m_about;
 
   private:
-    struct Angles {
-        Float theta, phi;
-    };
     static Angles angles(const Vector3f &w) {
         const cuticle::Direction<Float> d{w.y(), w.x(), w.z()};
         return {cuticle::theta_of(d), cuticle::phi_of(d)};
@@ -110,11 +116,6 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
 
     const cuticle_mitsuba::Mixture<Float> &mixture_of(const BSDFContext &ctx) const {
         return cuticle_mitsuba::among_strands(ctx) ? m_combined : m_single;
-    }
-
-    Float density(const BSDFContext &ctx, const Float &theta_i, const Float &theta_r, const Float &phi) const {
-        const auto &mixture = mixture_of(ctx);
-        return mixture.empty() ? dr::InvFourPi<Float> : mixture.pdf(theta_i, theta_r, phi);
     }
 
     cuticle_mitsuba::Mixture<Float> m_single, m_combined;

@@ -67,18 +67,18 @@ def demo_command(output: Annotated[Path, typer.Option("-o", "--output", metavar=
 
 
 def _demo_hair(path: Path) -> str:
-    """Render a ball of blond hair, lit through itself, where Mitsuba can; return what came of it."""
-    from cuticle.render.groom import hair_ball
+    """Render a head of blond hair, lit through itself, where Mitsuba can; return what came of it."""
     from cuticle.render.picture import render, save_picture
+    from cuticle.render.procedural import hair_head
     from cuticle.render.scene import Light, View, bsdf, integrator, load_scene, mitsuba
 
     try:
         mi = mitsuba()
     except RuntimeError as error:
         return f"not rendered: {error}"
-    ball, view = hair_ball(), View(width=320, height=320)
+    head, view = hair_head(), View(width=320, height=384)
     with progress_bar() as progress:
-        scene = load_scene(mi, ball, bsdf("blond"), view=view, light=Light("studio"), technique=integrator("dual"))
+        scene = load_scene(mi, head, bsdf("blond"), view=view, light=Light("studio"), technique=integrator("dual"))
         done = render(scene, 48, progress=progress)
     save_picture(path, done.image)
-    return f"{path}: {ball.strands:,} blond strands by dual scattering, {done.seconds:.1f} s; see `cuticle render --help`"
+    return f"{path}: {head.strands:,} blond strands by dual scattering, {done.seconds:.1f} s; see `cuticle render --help`"

@@ -62,13 +62,15 @@ def build(material: Material, *, scale: Any = None) -> Any:
     closed = isinstance(fibre, (Fibre, Chiang)) and material.among is None
     if scale is not None and not closed:
         raise ValueError("scale multiplies a fibre's absorption (a Fibre's, or Chiang's on its own); a table has none")
-    props = mi.Properties("cuticle_bsdf" if closed else "cuticle_table")
-    if isinstance(fibre, (Fibre, Chiang)) and closed:
+    props = mi.Properties("cuticle_near" if material.near else "cuticle_bsdf" if closed else "cuticle_table")
+    if isinstance(fibre, Chiang) and material.near:
+        _near_field(props, fibre)
+    elif isinstance(fibre, (Fibre, Chiang)) and closed:
         _closed_forms(props, fibre)
-        if scale is not None:
-            props["scale"] = scale
     else:
         _function_tables(props, material)
+    if scale is not None:
+        props["scale"] = scale
     for name, sampler in (("single", material.single), ("combined", material.combined)):
         if sampler is not None:
             props[name] = _tensor(_padded(sampler))
@@ -96,6 +98,15 @@ def _closed_forms(props: Any, fibre: Fibre | Chiang) -> None:
     if isinstance(tables.single, Chiang):
         props["rest"] = _tensor(tables.single.rest)
         props["rest_variance"] = float(tables.single.variance[3])
+    props["sigma_a"] = _spectrum(fibre.absorption)
+
+
+def _near_field(props: Any, fibre: Chiang) -> None:
+    props["eta"] = fibre.eta
+    props["logistic_scale"] = fibre.scale
+    for p, (variance, tilt) in enumerate(zip(fibre.variance.tolist(), fibre.tilt.tolist(), strict=True)):
+        props[f"variance_{p}"] = variance
+        props[f"tilt_{p}"] = tilt
     props["sigma_a"] = _spectrum(fibre.absorption)
 
 
@@ -164,6 +175,8 @@ def _describe(material: Material) -> str:
     if isinstance(material.fibre, Fibre):
         values = ", ".join(f"{k}={v}" for k, v in material.fibre.model_dump(exclude_none=True).items())
         fibre = f"[{values}]"
+    if material.near:
+        return f"fibre = {fibre},\nsampling = near field, its own lobes"
     lines = [f"fibre = {fibre}", text("sampling", material.single)]
     if material.combined is not None:
         lines.append(text("sampling among strands", material.combined))

@@ -22,7 +22,7 @@ from cuticle.render.scene import SAMPLINGS
 from cuticle.sampler import Sampler
 from cuticle.strands import Strands
 
-PARAMETERS = ("fibre", "filename", "sampling", "lobes", "direct_share", "scale")
+PARAMETERS = ("fibre", "filename", "near", "sampling", "lobes", "direct_share", "scale")
 _CHIANG = frozenset(Chiang.model_fields) - frozenset(Fibre.model_fields)
 _DENSITIES = ("d_f", "d_b")
 
@@ -32,13 +32,14 @@ class Material(NamedTuple):
 
     `single` is the sampler of a strand on its own, None for the uniform sphere; `combined` that of a strand among others,
     whatever lies between it and the light, None where that is not known. A `Fibre` says itself what it is among others; for
-    any other function `among` does.
+    any other function `among` does. With `near` it is Chiang's near field, which draws from itself.
     """
 
     fibre: Fibre | Chiang | Bcsdf
     single: Sampler | None
     combined: Sampler | None
     among: Strands | None = None
+    near: bool = False
 
 
 def read_material(given: dict[str, Any]) -> Material:
@@ -59,6 +60,16 @@ def read_material(given: dict[str, Any]) -> Material:
     loaded = _load(_resolve(given["filename"])) if "filename" in given else None
     own = {name: _plain(value) for name, value in given.items() if name in known[len(PARAMETERS) :]}
     function = _read_function(given.get("fibre"), own, loaded)
+    if given.get("near", False):
+        if not isinstance(function, Chiang):
+            raise ValueError(
+                f"near is for Chiang's function, beta_m, beta_n and an absorption or a TOML file with [chiang]; got a"
+                f" {type(function).__name__}"
+            )
+        if sampling != "lobes":
+            raise ValueError(f"near draws from its own function: leave sampling out, got {sampling!r}")
+        _check_channels(function.channels)
+        return Material(function, None, None, near=True)
     if isinstance(function, Fibre):
         fibre = _with_own(function, own)
         if sampling == "uniform":

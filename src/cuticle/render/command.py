@@ -15,12 +15,13 @@ from cuticle.console import table
 from cuticle.files import writable_directory
 from cuticle.origin import is_fibre, read_model
 from cuticle.presets import read_fibre
-from cuticle.render.groom import Groom, hair_ball, join_grooms, read_groom, wavy_lock
+from cuticle.render.groom import Groom, join_grooms, read_groom
+from cuticle.render.procedural import hair_ball, hair_head, wavy_lock
 from cuticle.render.scene import INTEGRATORS, LIGHTS, SAMPLINGS, Light, View, bsdf, integrator, load_scene, mitsuba
 from cuticle.sampler import Sampler
 from cuticle.terminal import JsonOption, out, progress_bar
 
-BUILT_IN: dict[str, Callable[[], Groom]] = {"ball": hair_ball, "lock": wavy_lock}
+BUILT_IN: dict[str, Callable[[], Groom]] = {"head": hair_head, "ball": hair_ball, "lock": wavy_lock}
 
 
 class _PictureFirst(TyperGroup):

@@ -40,7 +40,7 @@ class DensityGrid:
         Examples
         --------
         >>> from cuticle.render.density import DensityGrid
-        >>> from cuticle.render.groom import hair_ball
+        >>> from cuticle.render.procedural import hair_ball
         >>> grid = DensityGrid.build(hair_ball(1000))
         >>> max(grid.cells.shape)
         64

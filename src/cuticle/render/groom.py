@@ -13,7 +13,7 @@ from scipy.linalg import solve_banded
 from cuticle import validate
 from cuticle.files import write_text
 
-__all__ = ["Groom", "hair_ball", "join_grooms", "read_groom", "wavy_lock"]
+__all__ = ["Groom", "join_grooms", "read_groom"]
 
 MAX_FOLLOWERS = 1000
 
@@ -226,89 +226,3 @@ def read_groom(path: str | os.PathLike[str], *, radius: float | None = None) -> 
         return Groom(points, np.concatenate([[0], np.cumsum(counts)]), np.asarray(values, np.float32))
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-
-
-def hair_ball(
-    strands: int = 10_000, *, points: int = 8, radius: float = 1.0, length: float = 1.0, curl: float = 0.25, seed: int = 1
-) -> Groom:
-    """Return a ball of hair: roots on a sphere, strands outward, bent by a smooth field. Needs no file.
-
-    Parameters
-    ----------
-    strands
-        1 to 10 million.
-    points
-        Of a strand, 2 to 256.
-    radius
-        Of the ball the roots sit on.
-    length
-        Of a strand.
-    curl
-        How far the field bends a strand: 0 leaves it straight.
-    seed
-        Of where the roots are.
-    """
-    strands = validate.integer("strands", strands, 1, 10_000_000)
-    points = validate.integer("points", points, 2, 256)
-    for name, value in (("radius", radius), ("length", length)):
-        validate.number(name, value, 0, 1e6, above=True)
-    curl = validate.number("curl", curl, 0, 100)
-    rng = np.random.default_rng(seed)
-    normal = rng.standard_normal((strands, 3))
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    position = radius * normal
-    direction = normal * (1 + 0.05 * rng.standard_normal((strands, 1)))
-    step = length / (points - 1)
-    rows = [position]
-    for k in range(1, points):
-        at = position / radius
-        field = np.stack([np.sin(3 * at[:, 1] + 1), np.sin(3 * at[:, 2] + 2), np.sin(3 * at[:, 0] - 1)], axis=1)
-        direction = direction + curl * (k / points) * field
-        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-        position = position + step * direction
-        rows.append(position)
-    all_points = np.stack(rows, axis=1).reshape(-1, 3).astype(np.float32)
-    return Groom(all_points, np.arange(strands + 1) * points, np.zeros(1, np.float32)).with_thickness(
-        0.0015 * radius, 0.0005 * radius
-    )
-
-
-def wavy_lock(
-    strands: int = 1000, *, points: int = 32, length: float = 1.0, width: float = 0.15, waves: float = 4.0, seed: int = 1
-) -> Groom:
-    """Return a lock that hangs along -y in waves: strands around one curve, wider in the middle. Needs no file.
-
-    Parameters
-    ----------
-    strands
-        1 to 10 million.
-    points
-        Of a strand, 2 to 1024.
-    length
-        Of the lock.
-    width
-        Radius of the lock where it is widest.
-    waves
-        Number of waves along it.
-    seed
-        Of where the strands are.
-    """
-    strands = validate.integer("strands", strands, 1, 10_000_000)
-    points = validate.integer("points", points, 2, 1024)
-    for name, value in (("length", length), ("width", width)):
-        validate.number(name, value, 0, 1e6, above=True)
-    waves = validate.number("waves", waves, 0, 1000)
-    rng = np.random.default_rng(seed)
-    s = np.linspace(0, 1, points)
-    angle, distance = 2 * np.pi * rng.random(strands), np.sqrt(rng.random(strands))
-    phase = 0.3 * rng.standard_normal(strands)
-    bulge = width * (0.35 + 0.65 * np.sin(np.pi * np.minimum(s * 1.15, 1)) ** 0.8)
-    turn = 2 * np.pi * waves * s[None, :] + phase[:, None]
-    x = distance[:, None] * np.cos(angle)[:, None] * bulge + 0.25 * width * np.sin(turn)
-    z = distance[:, None] * np.sin(angle)[:, None] * bulge + 0.25 * width * np.cos(turn)
-    y = np.broadcast_to(-length * s, x.shape)
-    return Groom(
-        np.stack([x, y, z], axis=2).reshape(-1, 3).astype(np.float32),
-        np.arange(strands + 1) * points,
-        np.zeros(1, np.float32),
-    ).with_thickness(0.006 * width, 0.002 * width)
