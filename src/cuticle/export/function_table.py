@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import trapezoid
 from scipy.interpolate import make_interp_spline
 
 from cuticle import _core
 from cuticle.distribution import evaluate
-from cuticle.models import Bcsdf, is_even
+from cuticle.models import Bcsdf, is_even, with_strands
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
@@ -171,7 +172,7 @@ class _Exact:
         return self(0.0 if not hasattr(self.model, "strands") else self.model.strands, float(_TESTED[0])).shape[-1]
 
     def at(self, n: float) -> Bcsdf:
-        return self.model.with_strands(n) if hasattr(self.model, "with_strands") else self.model
+        return with_strands(self.model, n)
 
     def __call__(self, n: float, viewer: float) -> Array:
         if (n, viewer) not in self._kept:
@@ -285,8 +286,8 @@ def _make(exact: _Exact, strands: tuple[float, ...], viewers: int, rows: int, co
 
 
 def _energy(f: Array, theta: Array, phi: Array, even: bool) -> Array:
-    along = np.trapezoid(f, phi, axis=1) * (2 if even else 1)
-    return np.asarray(np.trapezoid(along * np.cos(theta)[:, None], theta, axis=0))
+    along = trapezoid(f, phi, axis=1) * (2 if even else 1)
+    return trapezoid(along * np.cos(theta)[:, None], theta, axis=0)
 
 
 def _four_digits(shape: Array) -> NDArray[np.float32]:

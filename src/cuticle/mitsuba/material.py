@@ -22,7 +22,7 @@ from cuticle.render.scene import SAMPLINGS
 from cuticle.sampler import Sampler
 from cuticle.strands import Strands
 
-PARAMETERS = ("fibre", "filename", "near", "sampling", "lobes", "direct_share", "scale")
+PARAMETERS = ("fibre", "filename", "near", "strands", "sampling", "lobes", "direct_share", "scale")
 _CHIANG = frozenset(Chiang.model_fields) - frozenset(Fibre.model_fields)
 _DENSITIES = ("d_f", "d_b")
 
@@ -59,8 +59,9 @@ def read_material(given: dict[str, Any]) -> Material:
     share = validate.number("direct_share", given.get("direct_share", 0.5), 0.01, 0.99)
     loaded = _load(_resolve(given["filename"])) if "filename" in given else None
     own = {name: _plain(value) for name, value in given.items() if name in known[len(PARAMETERS) :]}
-    function = _read_function(given.get("fibre"), own, loaded)
-    if given.get("near", False):
+    near = bool(given.get("near", False))
+    function = _read_function(given.get("fibre"), own, loaded, bool(given.get("strands", False)) and not near)
+    if near:
         if not isinstance(function, Chiang):
             raise ValueError(
                 f"near is for Chiang's function, beta_m, beta_n and an absorption or a TOML file with [chiang]; got a"
@@ -84,10 +85,11 @@ def read_material(given: dict[str, Any]) -> Material:
     _check_channels(len(single.eval(0.0, 0.0, 3.0)))
     if sampling == "uniform":
         return Material(single, None, None, among)
-    if loaded is None:
-        return Material(single, _fitted(single, lobes), None)
-    alone, combined = _rows(loaded, share)
-    return Material(single, alone, combined if among is not None else None, among)
+    if loaded is not None and (among is None or "among" in loaded.about):
+        alone, combined = _rows(loaded, share)
+        return Material(single, alone, combined if among is not None else None, among)
+    mixed = _mixed(among, lobes, share) if among is not None else None
+    return Material(single, _fitted(single, lobes), mixed, among)
 
 
 def _resolve(name: Any) -> str:
@@ -95,32 +97,40 @@ def _resolve(name: Any) -> str:
     return str(mi.file_resolver().resolve(str(name)))
 
 
-def _read_function(name: Any, own: dict[str, Any], loaded: Sampler | None) -> Any:
-    """The fibre, or the scattering function that is none: named, of the sampler, or from parameters of its own."""
-    chiang = bool(_CHIANG & own.keys())
+def _read_function(name: Any, own: dict[str, Any], loaded: Sampler | None, strands: bool) -> Any:
+    """The fibre, or the scattering function that is none: named, of the sampler, or from parameters of its own.
+
+    Among strands, `Strands`, where `strands` says so or the sampler is.
+    """
+    function: Any = None
     if name is not None:
         function = _named(str(name), _stamp(str(name)))
-        if loaded is not None and "among" in loaded.about and not isinstance(function, Fibre):
-            function = _among(function, 1.0, 1.0)
+        strands = strands or (loaded is not None and "among" in loaded.about)
     elif loaded is not None:
         function = loaded.fibre if loaded.fibre is not None else _of_sampler(loaded)
-    elif chiang:
-        return Chiang(**own)
-    elif own:
-        return Fibre(**own)
-    else:
+    elif not own:
         raise ValueError(f"cuticle needs a fibre: fibre ({WHAT}), filename, or sigma_a")
-    if isinstance(function, Chiang) and own.keys() <= set(Chiang.model_fields):
-        return Chiang(**function.model_dump(exclude_none=True) | own)
-    if isinstance(function, Strands):
-        # These stand for gaps between strands. Here strands are counted, gaps and all: 0.7 would take them off twice.
-        densities = {name: own.pop(name, 1.0) for name in _DENSITIES}
-        single: Any = function.model
-        function = _among(single, *densities.values())
-    if own and (chiang or not isinstance(function, Fibre)):
-        what = f"{sorted(own)[0]} is no parameter of this scattering function ({type(function).__name__})"
-        raise ValueError(f"{what}: change what it is made of")
-    return function
+    if isinstance(function, Fibre) or (function is None and not _CHIANG & own.keys()):
+        _no_others(own, Fibre)
+        return function if function is not None else Fibre(**own)
+    strands = strands or isinstance(function, Strands)
+    # These stand for gaps between strands. Here strands are counted, gaps and all: 0.7 would take them off twice.
+    densities = [own.pop(key, 1.0) for key in _DENSITIES] if strands else []
+    if function is None or isinstance(function, Chiang):
+        _no_others(own, Chiang)
+        function = Chiang(**({} if function is None else function.model_dump(exclude_none=True)) | own)
+    elif own:
+        raise ValueError(
+            f"{min(own)} is no parameter of this scattering function ({type(function).__name__}): change what it is made of"
+        )
+    single: Any = function.model if isinstance(function, Strands) else function
+    return _among(single, *densities) if strands else function
+
+
+def _no_others(own: dict[str, Any], kind: type[Fibre] | type[Chiang]) -> None:
+    other = min(own.keys() - set(kind.model_fields), default=None)
+    if other is not None:
+        raise ValueError(f"{other} is no parameter of this scattering function ({kind.__name__})")
 
 
 def _stamp(name: str) -> int:
@@ -163,6 +173,13 @@ def _fitted(function: Any, lobes: int) -> Sampler:
     return fit(function, lobes).sampler
 
 
+@lru_cache(maxsize=16)
+def _mixed(model: Any, lobes: int, share: float) -> Sampler:
+    """The sampler where n is not known: `share` of that for no strands in between, and the rest of that for 2."""
+    both = fit(model, lobes, strands=(0, 2)).sampler
+    return combine(both, both, share, strands=2)
+
+
 def _with_own(fibre: Fibre, own: dict[str, Any]) -> Fibre:
     if fibre.formulation == "exact":
         own = {**dict.fromkeys(_DENSITIES, 1.0), **own}  # as in _read_function
@@ -194,11 +211,10 @@ def _samplers(fibre: Fibre, lobes: int, form: str, share: float) -> tuple[Sample
             raise ValueError("sampling document needs a fibre whose multiple scattering has a sum: raise sigma_a")
         both = fit(model, strands=(0, 2), form="document", functions=_document_functions(model)).sampler
         return both.row(0.0), combine(both, both, share, strands=2)
-    single = fit(alone(fibre), lobes).sampler
+    single = _fitted(alone(fibre), lobes)
     if model is None:
         return single, None
-    both = fit(model, lobes, strands=(0, 2)).sampler
-    return single, combine(both, both, share, strands=2)
+    return single, _mixed(model, lobes, share)
 
 
 def _document_functions(model: DualScattering) -> DocumentFunctions:

@@ -120,7 +120,7 @@ def picture_command(
     validate.choice("--counter", counter, ("grid", "trace"))
     own: dict[str, Any] = {"counter": counter} if technique == "dual" else {}
     how = integrator(technique, depth=depth, **own)
-    material = bsdf(fibre, sampling)
+    material = bsdf(fibre, sampling, strands=technique == "dual")
     _check_fibre(fibre)
     hair = _groom(groom, radius, tip, followers, spread)
     mi = mitsuba(variant)

@@ -161,7 +161,7 @@ def _softboxes(axes: NDArray[np.float64], height: int = 128) -> NDArray[np.float
 
 
 def bsdf(fibre: str, sampling: str = "lobes", **parameters: Any) -> dict[str, Any]:
-    """Return the BSDF as Mitsuba's dictionary; `fibre` is a preset, a TOML file or a sampler's JSON file."""
+    """Return the BSDF as Mitsuba's dictionary; `fibre` is a preset, a TOML file, a table or a sampler's JSON file."""
     validate.choice("sampling", sampling, SAMPLINGS)
     key = "filename" if str(fibre).endswith(".json") else "fibre"
     return {"type": "cuticle", key: str(fibre), "sampling": sampling, **parameters}
