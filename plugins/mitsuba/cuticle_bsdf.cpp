@@ -4,9 +4,9 @@
 
 NAMESPACE_BEGIN(mitsuba)
 
-template <typename Float, typename Spectrum> class CuticleBSDF final : public HairBSDF<Float, Spectrum> {
+template <typename Float, typename Spectrum> class CuticleBSDF final : public AbsorbingHairBSDF<Float, Spectrum> {
   public:
-    MI_IMPORT_BASE(HairBSDF, m_about)
+    MI_IMPORT_BASE(AbsorbingHairBSDF, m_scale)
     using typename Base::Angles;
     MI_IMPORT_TYPES(Texture)
     using FloatBuffer = DynamicBuffer<Float>;
@@ -48,29 +48,12 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ha
         m_exact_channels = props.get<int>("exact_channels");
         m_range = {props.get<ScalarFloat>("sigma_a_low"), props.get<ScalarFloat>("sigma_a_ratio"), m_exact_channels,
                    m_channels - m_exact_channels};
-        m_sigma_a = props.get_unbounded_texture<Texture>("sigma_a");
-        m_scale = props.get_unbounded_texture<Texture>("scale", 1.f);
         // The fibre's own absorption has channels of its own; any other falls between two of the range.
         m_fixed = !props.has_property("scale") && (m_exact_channels == 1 || is_rgb_v<Spectrum>);
         Base::set_flags(m_scale->is_spatially_varying(), m_average_rows > 0);
     }
 
-    void traverse(TraversalCallback *cb) override {
-        cb->put("sigma_a", m_sigma_a, ParamFlags::Differentiable);
-        cb->put("scale", m_scale, ParamFlags::Differentiable);
-    }
-
     void parameters_changed(const std::vector<std::string> &) override { m_fixed = false; }
-
-    std::string to_string() const override {
-        std::ostringstream out;
-        out << "Cuticle[" << std::endl
-            << "  " << string::indent(m_about) << "," << std::endl
-            << "  sigma_a = " << string::indent(m_sigma_a) << "," << std::endl
-            << "  scale = " << string::indent(m_scale) << std::endl
-            << "]";
-        return out.str();
-    }
 
     MI_DECLARE_CLASS(CuticleBSDF)
 
@@ -110,7 +93,7 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ha
             for (int j = 0; j < (m_exact_channels == 1 ? 1 : int(dr::size_v<UnpolarizedSpectrum>)); ++j) f[j] = value(j);
             if (m_exact_channels == 1) f = UnpolarizedSpectrum(f[0]);
         } else {
-            const UnpolarizedSpectrum sigma_a = dr::maximum(m_sigma_a->eval(si, active) * m_scale->eval(si, active), 0.f);
+            const UnpolarizedSpectrum sigma_a = Base::absorption(si, active);
             for (size_t j = 0; j < dr::size_v<UnpolarizedSpectrum>; ++j)
                 f[j] = value(cuticle::locate<Float>(m_range, sigma_a[j]));
         }
@@ -124,9 +107,8 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ha
     int m_rows, m_columns, m_channels, m_exact_channels, m_average_rows = 0, m_rest_rows = 0;
     bool m_fixed;
     FloatBuffer m_direct, m_spread, m_averages, m_rest;
-    ref<Texture> m_sigma_a, m_scale;
 
-    MI_TRAVERSE_CB(Base, m_direct, m_spread, m_averages, m_rest, m_sigma_a, m_scale)
+    MI_TRAVERSE_CB(Base, m_direct, m_spread, m_averages, m_rest)
 };
 
 CUTICLE_EXPORT_PLUGIN(CuticleBSDF)

@@ -4,9 +4,9 @@
 
 NAMESPACE_BEGIN(mitsuba)
 
-template <typename Float, typename Spectrum> class CuticleNear final : public HairBSDF<Float, Spectrum> {
+template <typename Float, typename Spectrum> class CuticleNear final : public AbsorbingHairBSDF<Float, Spectrum> {
   public:
-    MI_IMPORT_BASE(HairBSDF, m_about)
+    MI_IMPORT_BASE(AbsorbingHairBSDF, m_scale)
     MI_IMPORT_TYPES(Texture)
     using typename Base::Angles;
     static constexpr int channels = int(dr::size_v<UnpolarizedSpectrum>);
@@ -18,24 +18,7 @@ template <typename Float, typename Spectrum> class CuticleNear final : public Ha
             m_fibre.variance[p] = props.get<ScalarFloat>("variance_" + std::to_string(p));
             m_fibre.tilt[p] = props.get<ScalarFloat>("tilt_" + std::to_string(p));
         }
-        m_sigma_a = props.get_unbounded_texture<Texture>("sigma_a");
-        m_scale = props.get_unbounded_texture<Texture>("scale", 1.f);
         Base::set_flags(m_scale->is_spatially_varying(), false);
-    }
-
-    void traverse(TraversalCallback *cb) override {
-        cb->put("sigma_a", m_sigma_a, ParamFlags::Differentiable);
-        cb->put("scale", m_scale, ParamFlags::Differentiable);
-    }
-
-    std::string to_string() const override {
-        std::ostringstream out;
-        out << "Cuticle[" << std::endl
-            << "  " << string::indent(m_about) << "," << std::endl
-            << "  sigma_a = " << string::indent(m_sigma_a) << "," << std::endl
-            << "  scale = " << string::indent(m_scale) << std::endl
-            << "]";
-        return out.str();
     }
 
     MI_DECLARE_CLASS(CuticleNear)
@@ -47,7 +30,7 @@ template <typename Float, typename Spectrum> class CuticleNear final : public Ha
         cuticle::ChiangState<Float> state;
     };
     Prepared prepare(const SurfaceInteraction3f &si, const Angles &r, Mask active) const {
-        const UnpolarizedSpectrum sigma_a = dr::maximum(m_sigma_a->eval(si, active) * m_scale->eval(si, active), 0.f);
+        const UnpolarizedSpectrum sigma_a = Base::absorption(si, active);
         float luminance[channels];
         for (int c = 0; c < channels; ++c) luminance[c] = is_rgb_v<Spectrum> ? rec709[c % 3] : 1.f / channels;
         Prepared out;
@@ -78,9 +61,6 @@ template <typename Float, typename Spectrum> class CuticleNear final : public Ha
 
     static constexpr float rec709[] = {.2126f, .7152f, .0722f};
     cuticle::ChiangFibre<float> m_fibre;
-    ref<Texture> m_sigma_a, m_scale;
-
-    MI_TRAVERSE_CB(Base, m_sigma_a, m_scale)
 };
 
 CUTICLE_EXPORT_PLUGIN(CuticleNear)

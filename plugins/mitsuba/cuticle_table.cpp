@@ -23,12 +23,6 @@ template <typename Float, typename Spectrum> class CuticleTable final : public H
         Base::set_flags(false, !m_among.strands.empty());
     }
 
-    std::string to_string() const override {
-        std::ostringstream out;
-        out << "Cuticle[" << std::endl << "  " << string::indent(m_about) << std::endl << "]";
-        return out.str();
-    }
-
     MI_DECLARE_CLASS(CuticleTable)
 
   private:

@@ -67,6 +67,12 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
                 dr::select(active, density(ctx, si, i.theta, r, phi, active), 0.f)};
     }
 
+    std::string to_string() const override {
+        std::ostringstream out;
+        out << "Cuticle[" << std::endl << "  " << string::indent(m_about) << std::endl << "]";
+        return out.str();
+    }
+
   protected:
     HairBSDF(const Properties &props) : Base(props) {
         if (props.has_property("single")) m_single.set(props.get_any<TensorXf>("single"), props.get<bool>("single_even"));
@@ -121,6 +127,42 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
     cuticle_mitsuba::Mixture<Float> m_single, m_combined;
 
     MI_TRAVERSE_CB(Base, m_single.m_nodes, m_combined.m_nodes)
+};
+
+// One whose absorption is a texture, times another.
+template <typename Float, typename Spectrum> class AbsorbingHairBSDF : public HairBSDF<Float, Spectrum> {
+  public:
+    MI_IMPORT_BASE(HairBSDF, m_about)
+    MI_IMPORT_TYPES(Texture)
+
+    void traverse(TraversalCallback *cb) override {
+        cb->put("sigma_a", m_sigma_a, ParamFlags::Differentiable);
+        cb->put("scale", m_scale, ParamFlags::Differentiable);
+    }
+
+    std::string to_string() const override {
+        std::ostringstream out;
+        out << "Cuticle[" << std::endl
+            << "  " << string::indent(m_about) << "," << std::endl
+            << "  sigma_a = " << string::indent(m_sigma_a) << "," << std::endl
+            << "  scale = " << string::indent(m_scale) << std::endl
+            << "]";
+        return out.str();
+    }
+
+  protected:
+    AbsorbingHairBSDF(const Properties &props) : Base(props) {
+        m_sigma_a = props.get_unbounded_texture<Texture>("sigma_a");
+        m_scale = props.get_unbounded_texture<Texture>("scale", 1.f);
+    }
+
+    UnpolarizedSpectrum absorption(const SurfaceInteraction3f &si, Mask active) const {
+        return dr::maximum(m_sigma_a->eval(si, active) * m_scale->eval(si, active), 0.f);
+    }
+
+    ref<Texture> m_sigma_a, m_scale;
+
+    MI_TRAVERSE_CB(Base, m_sigma_a, m_scale)
 };
 
 NAMESPACE_END(mitsuba)
