@@ -20,6 +20,7 @@ from cuticle.models import Bcsdf, is_even, with_strands
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 MOST_VALUES = 1_000_000
+WORST = 0.1  # what is further off, at the first strand count, is not the function any more
 _POLE = np.pi / 2 * (1 - 1e-6)
 _DARK = 1e-37  # least energy: what single precision can hold
 _LEAST = 1e-9  # 1/sr, of a shape
@@ -115,7 +116,7 @@ def tabulate_function(
     Raises
     ------
     ValueError
-        A function that is not finite, or below 0.
+        A function that is not finite, or below 0, or too sharp for a table.
     """
     report = progress or (lambda fraction: None)
     strands = _own_counts(model, counts)
@@ -146,12 +147,17 @@ def tabulate_function(
             if error <= allowed:
                 break
             wanted = 0.75 * viewers * (error / allowed) ** 0.5  # errors fall with the square of the number
-        if least <= allowed:
+        if least <= allowed or most >= _VIEWERS[-1]:  # fewer rows and columns would let in no more viewers
             break
     if best is None:
         raise ValueError(
             f"the scattering function is too sharp to be written as a table of {MOST_VALUES:,} values"
             f" ({len(strands)} strand counts, {exact.channels} channels); export the sampler without it"
+        )
+    if off(best, [case for case in kept if case[0] == strands[0]]) > WORST:
+        raise ValueError(
+            f"the scattering function is too sharp to be written as a table: {best.size:,} bytes would be off by"
+            f" {100 * least:.2g} % of ∫ f cos, {100 * WORST:g} % are allowed; export the sampler without it"
         )
     return replace(best, error=max(least, off(best, between)))
 
@@ -265,17 +271,18 @@ def _column_chooser(exact: _Exact, cases: list[tuple[float, float]]) -> Callable
 def _make(exact: _Exact, strands: tuple[float, ...], viewers: int, rows: int, columns: int, reach: float) -> FunctionTable:
     x, phi = _row_axis(rows, reach), _column_axis(columns, exact.even)
     shapes, energies = [], []
-    turned = np.linspace(-np.pi / 2, np.pi / 2, viewers)
+    turned = np.linspace(-np.pi / 2, np.pi / 2, 2 * viewers - 1)  # energies lie twice as close as shapes
     for n in strands:
         model = exact.at(n)
-        for viewer in (np.pi / 2 * np.sin(turned)).clip(-_POLE, _POLE):
+        for k, viewer in enumerate((np.pi / 2 * np.sin(turned)).clip(-_POLE, _POLE)):
             theta, back = np.unique(np.clip(x - viewer, -_POLE, _POLE), return_inverse=True)
             f_cos = evaluate(model, theta, viewer, phi)
             energy = np.maximum(_energy(f_cos, theta, phi, exact.even), _DARK)
-            shapes.append(_four_digits((f_cos / energy)[back]))
             energies.append(np.log(energy))
+            if k % 2 == 0:
+                shapes.append(_four_digits((f_cos / energy)[back]))
     channels = energies[0].shape[-1]
-    log_energy = np.reshape(energies, (len(strands), viewers, channels))
+    log_energy = np.reshape(energies, (len(strands), len(turned), channels))
     return FunctionTable(
         strands,
         np.reshape(shapes, (len(strands), viewers, rows, columns, channels)),

@@ -17,7 +17,6 @@ from cuticle.models import AVERAGE_LIMIT, Bcsdf, DualScattering, Marschner
 from cuticle.quadrature import gauss_legendre
 
 TOLERANCE = 0.01  # of ∫ f cos
-WORST = 0.1  # what is further off is not the function any more
 _VIEWERS = np.radians([0, 20, 45, 65, 80])
 _COUNTS = (0.0, 0.5, 1.0, 3.0, 10.0)
 _STEPS = (1, 2, 3, 4, 5, 6, 9, 10, 12, 15, 18, 20)  # divisors of 180, the rows' steps
@@ -112,13 +111,7 @@ def reduce_tables(
     """
     whole = _whole(model)
     if whole is None:
-        table = tabulate_function(model, counts, tolerance, progress)
-        if table.error > WORST:
-            raise ValueError(
-                f"the scattering function is too sharp to be written as a table: {table.size:,} bytes would be off by"
-                f" {100 * table.error:.2g} % of ∫ f cos, {100 * WORST:g} % are allowed; export the sampler without it"
-            )
-        return table
+        return tabulate_function(model, counts, tolerance, progress)
     columns = whole.direct.shape[1]
     # A column a deviation at least: glints that carry little of the integral are seen all the same.
     least = max(16, np.pi / _azimuthal_deviation(model))
