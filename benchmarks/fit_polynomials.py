@@ -1,7 +1,7 @@
 """Print the single-precision approximations of include/cuticle/math.h: minimax in relative error.
 
-erf as x P(x²)/Q(x²) on |x| ≤ 4, exp on ±½ ln 2 and sin on [0, pi/2], each by linear least squares, reweighted where the
-error is largest.
+erf as x P(x²)/Q(x²) on |x| ≤ 4, exp on ±½ ln 2, log as r P(r) with r = m - 1 for m from √½ to √2, and sin on [0, pi/2],
+each by linear least squares, reweighted where the error is largest.
 """
 
 from __future__ import annotations
@@ -59,6 +59,9 @@ def main() -> None:
     r = np.log(2) / 2 * 1.0001 * np.cos(np.linspace(0, np.pi, 4001))
     error, c = minimax(r[:, None] ** np.arange(6), np.exp(r))
     tell("exp(r), |r| ≤ ½ ln 2", error, P=c)
+    r = -1 + 1.06066017 + 0.35355339 * np.cos(np.linspace(0, np.pi, 4000))
+    error, c = minimax(r[:, None] ** np.arange(1, 9), np.log1p(r))
+    tell("log(1 + r) = r P(r), √½ - 1 ≤ r ≤ √2 - 1", error, P=c)
     x = np.pi / 2 * np.cos(np.linspace(0, np.pi / 2, 4001))[:-1]
     error, c = minimax(x[:, None] ** (2 * np.arange(5) + 1), np.sin(x))
     tell("sin(x) = x P(x²), 0 ≤ x ≤ pi/2", error, P=c)

@@ -10,16 +10,17 @@ namespace cuticle {
 // What a truncated normal needs where its mean lies inside [lo, hi] or at most one sigma outside: there the
 // difference of two erf keeps its precision. With z = (x - mean) rate the density is norm(d) exp(-z²).
 template <class Float> struct CentralNormal {
-    Float mean, rate;        // rate = 1 / (sqrt 2 sigma)
-    Float low, mass, under;  // low/under is erf at the lower end, mass/under erf(upper) - erf(lower)
+    Float mean, rate, width;  // width = sqrt 2 sigma, rate = 1 / width
+    Float low, mass, under;   // low/under is erf at the lower end, mass/under erf(upper) - erf(lower)
 };
 
 template <class Float>
-CUTICLE_INLINE CentralNormal<Float> central_normal(const Float &mean, const Float &rate, const Float &lo, const Float &hi) {
+CUTICLE_INLINE CentralNormal<Float> central_normal(const Float &mean, const Float &sigma, const Float &lo, const Float &hi) {
+    const Float rate = Float(sqrt_half<double>) / sigma;
     const math::Quotient<Float> a = math::erf_quotient(Float((lo - mean) * rate));
     const math::Quotient<Float> b = math::erf_quotient(Float((hi - mean) * rate));
     const Float low = a.over * b.under;
-    return {mean, rate, low, b.over * a.under - low, a.under * b.under};
+    return {mean, rate, Float(2 * sqrt_half<double>) * sigma, low, b.over * a.under - low, a.under * b.under};
 }
 
 template <class Float> CUTICLE_HD Float central_norm(const CentralNormal<Float> &d) {
@@ -31,7 +32,7 @@ template <class Float> CUTICLE_HD Float central_cdf(const CentralNormal<Float> &
 }
 
 template <class Float> CUTICLE_INLINE Float central_icdf(const CentralNormal<Float> &d, const Float &u) {
-    return d.mean + math::erfinv(math::clamp(Float((d.low + u * d.mass) / d.under), Float(-1), Float(1))) / d.rate;
+    return d.mean + math::erfinv(Float((d.low + u * d.mass) / d.under)) * d.width;
 }
 
 // The normal of any mean and any sigma > 0 truncated to [lo, hi]. Where the mean lies more than a sigma
@@ -49,8 +50,7 @@ template <class Float> struct TruncatedNormal {
         : lo(lo_), hi(hi_) {
         const Float below = lo - mean, above = mean - hi;
         in_tail = math::max(below, above) > sigma;
-        central = central_normal(Float(select(in_tail, Float(Float(.5) * (lo + hi)), mean)),
-                                 Float(Float(sqrt_half<Float>) / sigma), lo, hi);
+        central = central_normal(Float(select(in_tail, Float(Float(.5) * (lo + hi)), mean)), sigma, lo, hi);
         near = select(below > above, lo, hi);
         sign = select(below > above, Float(1), Float(-1));
         z_near = math::max(Float(math::max(below, above) * central.rate), Float(0));

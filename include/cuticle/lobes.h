@@ -22,8 +22,50 @@ template <class Float> struct ChosenLobe {
 template <class Mask, class Float>
 CUTICLE_HD CentralNormal<Float> select_normal(const Mask &mask, const CentralNormal<Float> &a,
                                               const CentralNormal<Float> &b) {
-    return {select(mask, a.mean, b.mean), select(mask, a.rate, b.rate), select(mask, a.low, b.low),
-            select(mask, a.mass, b.mass), select(mask, a.under, b.under)};
+    return {select(mask, a.mean, b.mean), select(mask, a.rate, b.rate), select(mask, a.width, b.width),
+            select(mask, a.low, b.low),   select(mask, a.mass, b.mass), select(mask, a.under, b.under)};
+}
+
+// What a lobe's exp is multiplied by: its weight and the norms of both coordinates, given the products of their rates, of
+// their masses and of what these are over. One division.
+template <class Set>
+CUTICLE_INLINE Set lobe_scale(const Set &weight, const Set &rates, const Set &masses, const Set &unders, bool even) {
+    const double norm = two_over_sqrt_pi<double> * two_over_sqrt_pi<double> * (even ? .5 : 1.);
+    return weight * rates * Set(norm) * unders / masses;
+}
+
+// From a periodic lobe's mean, the short way round: of azimuths within half a turn and a whole turn of 0.
+template <class Set> CUTICLE_INLINE Set short_way(const Set &d) {
+    const Set limit(pi<double>), turn(2 * pi<double>);
+    return select(d > limit, Set(d - turn), select(d < -limit, Set(d + turn), d));
+}
+
+// 1/sr from a density in d theta_i d phi: d omega = cos(theta_i) d theta_i d phi.
+template <class Float> CUTICLE_INLINE Float per_steradian(const Float &density, const Float &theta_i) {
+    return select(math::abs(theta_i) > Float(half_pi<Float>), Float(0), Float(density / math::cos_theta(theta_i)));
+}
+// The same for a sample: it lies inside, and 1/cos is ready before its density.
+template <class Float> CUTICLE_INLINE Float sample_per_steradian(const Float &density, const Float &theta_i) {
+    return density * (Float(1) / math::cos_theta(theta_i));
+}
+
+template <class Float> CUTICLE_INLINE Float invert_theta(const CentralNormal<Float> &d, const Float &u) {
+    // The float nearest to pi/2 lies past the pole: stay one ulp inside.
+    const Float limit = Float(half_pi<Float> * (1 - epsilon<Float>));
+    return math::clamp(central_icdf(d, u), Float(-limit), limit);
+}
+// A periodic lobe is inverted from its own seam: any order of the circle serves a sample.
+template <class Float> CUTICLE_INLINE Float invert_phi(const CentralNormal<Float> &d, const Float &u, bool even) {
+    if (even)
+        return even_icdf([&](const Float &v) { return math::clamp(central_icdf(d, v), Float(0), Float(pi<Float>)); }, u);
+    return math::wrap_angle(
+        math::clamp(central_icdf(d, u), Float(d.mean - Float(pi<Float>)), Float(d.mean + Float(pi<Float>))));
+}
+
+// One inverse a coordinate; the pdf is left to the mixture.
+template <class Float>
+CUTICLE_INLINE Sample<Float> draw(const ChosenLobe<Float> &chosen, const Float &u_theta, const Float &u_phi, bool even) {
+    return {invert_theta(chosen.theta, u_theta), invert_phi(chosen.phi, u_phi, even), Float(0)};
 }
 
 // Weights sum to 1; sigmas are positive; a mean lies in its domain or at most one sigma outside (the table is
@@ -45,33 +87,23 @@ template <class Float, int K> struct Lobes {
         even = even_;
         const Set pole(half_pi<double>), turn(pi<double>), mean_phi = half<1>(mean);
         const Set lo = even ? Set(0) : Set(mean_phi - turn), hi = even ? turn : Set(mean_phi + turn);
-        normal = central_normal(mean, Both(Both(sqrt_half<double>) / sigma), join(Set(-pole), lo), join(pole, hi));
-        // Both norms, and the quotients in them, by one division.
-        const double norm = two_over_sqrt_pi<double> * two_over_sqrt_pi<double> * (even ? .5 : 1.);
-        const Set rates = half<0>(normal.rate) * half<1>(normal.rate), masses = half<0>(normal.mass) * half<1>(normal.mass);
-        scale = weight * rates * Set(norm) * (half<0>(normal.under) * half<1>(normal.under)) / masses;
+        normal = central_normal(mean, sigma, join(Set(-pole), lo), join(pole, hi));
+        const auto both = [](const Both &x) { return half<0>(x) * half<1>(x); };
+        scale = lobe_scale(weight, both(normal.rate), both(normal.mass), both(normal.under), even);
         if constexpr (finished) {
             normal.low = normal.low / normal.under;
             normal.mass = normal.mass / normal.under;
         }
     }
 
-    // 1/sr: per steradian, d omega = cos(theta_i) d theta_i d phi.
     CUTICLE_INLINE Float pdf(const Float &theta_i, const Float &phi_i) const {
         return per_steradian(density(theta_i, math::nearest_turn(phi_i)), theta_i);
-    }
-
-    CUTICLE_INLINE static Float per_steradian(const Float &density, const Float &theta_i) {
-        return select(math::abs(theta_i) > Float(half_pi<Float>), Float(0), Float(density / math::cos_theta(theta_i)));
     }
 
     // In d theta_i d phi, at an azimuth within half a turn of 0.
     CUTICLE_INLINE Float density(const Float &theta_i, const Float &wrapped) const {
         Both d = join(Set(theta_i), Set(even ? math::abs(wrapped) : wrapped)) - normal.mean;
-        if (!even) {
-            const Set limit(pi<double>), turn(2 * pi<double>), d_phi = half<1>(d);
-            d = join(half<0>(d), select(d_phi > limit, Set(d_phi - turn), select(d_phi < -limit, Set(d_phi + turn), d_phi)));
-        }
+        if (!even) d = join(half<0>(d), short_way(half<1>(d)));
         const Both z = d * normal.rate, squared = z * z;
         return sum(Set(scale * math::decay(Set(-(half<0>(squared) + half<1>(squared))))));
     }
@@ -88,7 +120,7 @@ template <class Float, int K> struct Lobes {
     }
     CUTICLE_HD Float icdf_phi(int k, const Float &u) const {
         const CentralNormal<Float> d = phi(k);
-        if (even) return invert_phi(d, u);
+        if (even) return invert_phi(d, u, even);
         return periodic_icdf([&](const Float &y) { return central_cdf(d, Float(d.mean + y)); },
                              [&](const Float &v) { return Float(central_icdf(d, v) - d.mean); }, d.mean, u);
     }
@@ -114,14 +146,9 @@ template <class Float, int K> struct Lobes {
         }
     }
 
-    // One inverse a coordinate; the pdf is left to the mixture.
-    CUTICLE_INLINE Sample<Float> draw(const ChosenLobe<Float> &chosen, const Float &u_theta, const Float &u_phi) const {
-        return {invert_theta(chosen.theta, u_theta), invert_phi(chosen.phi, u_phi), Float(0)};
-    }
-
     CUTICLE_INLINE Sample<Float> sample(const Float &u_lobe, const Float &u_theta, const Float &u_phi) const {
-        Sample<Float> s = draw(choose(u_lobe), u_theta, u_phi);
-        s.pdf = pdf(s.theta_i, s.phi);
+        Sample<Float> s = draw(choose(u_lobe), u_theta, u_phi, even);
+        s.pdf = sample_per_steradian(density(s.theta_i, s.phi), s.theta_i);
         return s;
     }
 
@@ -131,8 +158,8 @@ template <class Float, int K> struct Lobes {
 
   private:
     CUTICLE_INLINE CentralNormal<Float> one(int i) const {
-        return {pick(normal.mean, i), pick(normal.rate, i), pick(normal.low, i), pick(normal.mass, i),
-                finished ? Float(1) : pick(normal.under, i)};
+        return {pick(normal.mean, i), pick(normal.rate, i), pick(normal.width, i),
+                pick(normal.low, i),  pick(normal.mass, i), finished ? Float(1) : pick(normal.under, i)};
     }
     // By way of memory, where a vector is laid down long before the choice is known: subscripted itself, it would wait for
     // it.
@@ -144,18 +171,6 @@ template <class Float, int K> struct Lobes {
         } else {
             return x[i];
         }
-    }
-    CUTICLE_INLINE static Float invert_theta(const CentralNormal<Float> &d, const Float &u) {
-        // The float nearest to pi/2 lies past the pole: stay one ulp inside.
-        const Float limit = Float(half_pi<Float> * (1 - epsilon<Float>));
-        return math::clamp(central_icdf(d, u), Float(-limit), limit);
-    }
-    // A periodic lobe is inverted from its own seam: any order of the circle serves a sample.
-    CUTICLE_INLINE Float invert_phi(const CentralNormal<Float> &d, const Float &u) const {
-        if (even)
-            return even_icdf([&](const Float &v) { return math::clamp(central_icdf(d, v), Float(0), Float(pi<Float>)); }, u);
-        return math::wrap_angle(
-            math::clamp(central_icdf(d, u), Float(d.mean - Float(pi<Float>)), Float(d.mean + Float(pi<Float>))));
     }
 };
 

@@ -87,8 +87,14 @@ template <class T> CUTICLE_HD T copysign(const T &x, const T &sign) {
     using std::copysign;
     return copysign(x, sign);
 }
-template <class T> CUTICLE_INLINE T max(const T &a, const T &b) { return select(a < b, b, a); }
-template <class T> CUTICLE_INLINE T min(const T &a, const T &b) { return select(b < a, b, a); }
+template <class T> CUTICLE_INLINE T max(const T &a, const T &b) {
+    if constexpr (is_pack<T>) return pack_max(a, b);
+    else return select(a < b, b, a);
+}
+template <class T> CUTICLE_INLINE T min(const T &a, const T &b) {
+    if constexpr (is_pack<T>) return pack_min(a, b);
+    else return select(b < a, b, a);
+}
 template <class T> CUTICLE_INLINE T clamp(const T &x, const T &lo, const T &hi) { return min(max(x, lo), hi); }
 template <class T> CUTICLE_HD T sqr(const T &x) { return x * x; }
 
@@ -97,6 +103,19 @@ template <class T> CUTICLE_INLINE T polynomial(const T &, const T &c) { return c
 template <class T, class... Rest>
 CUTICLE_INLINE T polynomial(const T &x, const T &high, const T &next, const Rest &...rest) {
     return polynomial(x, T(high * x + next), rest...);
+}
+
+// The same after Estrin: a few more multiplications, half of Horner's wait.
+template <int N, class T> CUTICLE_INLINE T estrin(const T &x, const T (&c)[N]) {
+    if constexpr (N == 1) {
+        return c[0];
+    } else {
+        constexpr int odd = N % 2, half = (N + 1) / 2;
+        T pairs[half];
+        if constexpr (odd) pairs[0] = c[0];
+        for (int i = odd; i < half; ++i) pairs[i] = c[2 * i - odd] * x + c[2 * i + 1 - odd];
+        return estrin(T(x * x), pairs);
+    }
 }
 
 template <class T> CUTICLE_HD T exp(const T &x) {
@@ -122,8 +141,8 @@ template <class T> CUTICLE_INLINE T decay_single(const T &x_) {
     T n;
     const T power = round_power(T(x * T(1.44269504f)), n);
     const T r = (x - n * T(.693145752f)) - n * T(1.42860677e-6f);  // ln 2 in two parts
-    return power * polynomial(r, T(8.2976479e-3f), T(4.19154323e-2f), T(.166675751f), T(.499988944f), T(.999999692f),
-                              T(1.00000007f));
+    const T c[] = {T(8.2976479e-3f), T(4.19154323e-2f), T(.166675751f), T(.499988944f), T(.999999692f), T(1.00000007f)};
+    return power * estrin(r, c);
 }
 
 template <class T> CUTICLE_INLINE T decay(const T &x) {
@@ -139,8 +158,9 @@ CUTICLE_HD inline float decay(float x) {
 #endif
 }
 
-// log for float, for normal x > 0: exponent and, on [√½, √2), the series of 2 artanh((m - 1)/(m + 1)); relative error
-// below 2e-7. A call to the library would cost as much as the rest of an inverse.
+// log for float, for normal x > 0: exponent and, with r = m - 1 on [√½ - 1, √2 - 1), r times a minimax polynomial
+// (benchmarks/fit_polynomials.py); relative error below 4e-7. A call to the library would cost as much as the rest of an
+// inverse.
 CUTICLE_INLINE float split_power(const float &x, float &exponent) {
     std::uint32_t bits;
     std::memcpy(&bits, &x, sizeof bits);
@@ -153,8 +173,10 @@ CUTICLE_INLINE float split_power(const float &x, float &exponent) {
 }
 template <class T> CUTICLE_INLINE T log_single(const T &x) {
     T n;
-    const T m = split_power(x, n), s = (m - T(1.f)) / (m + T(1.f)), t = s * s;
-    return n * T(.693147181f) + s * polynomial(t, T(2.f / 9), T(2.f / 7), T(.4f), T(2.f / 3), T(2.f));
+    const T r = split_power(x, n) - T(1.f);
+    const T c[] = {T(-.101068966f), T(.162225857f), T(-.172508314f), T(.199001655f),
+                   T(-.249699086f), T(.333350599f), T(-.500003636f), T(.99999994f)};
+    return n * T(.693147181f) + r * estrin(r, c);
 }
 CUTICLE_INLINE float log(float x) { return log_single(x); }
 
@@ -207,8 +229,11 @@ template <class T> CUTICLE_INLINE T erfinv_single(const T &p) {
     return p * select(w < T(5), central, tail);
 }
 
-// The same to the precision of the type: in double two Halley steps on erf.
-template <class T> CUTICLE_INLINE T erfinv(const T &p) {
+// The same to the precision of the type: in double two Halley steps on erf. What rounding left outside [-1, 1] is taken for
+// the end (by erfinv_single's max, too).
+template <class T> CUTICLE_INLINE T erfinv(const T &p_) {
+    if constexpr (std::is_same_v<scalar_t<T>, float>) return erfinv_single(p_);
+    const T p = clamp(p_, T(-1), T(1));
     T z = erfinv_single(p);
     if constexpr (!std::is_same_v<scalar_t<T>, float>)
         for (int step = 0; step < 2; ++step) {

@@ -6,7 +6,52 @@
 
 namespace cuticle {
 
-// Found from cuticle::math by argument-dependent lookup, as an array type's own functions are.
+namespace detail {
+
+template <class V> CUTICLE_INLINE V chunk_max(const V &a, const V &b) { return a < b ? b : a; }
+template <class V> CUTICLE_INLINE V chunk_min(const V &a, const V &b) { return b < a ? b : a; }
+// GCC makes a comparison and a choice of what is one instruction.
+#if CUTICLE_NATIVE_PACK && !defined(__clang__) && defined(__AVX__)
+CUTICLE_INLINE auto chunk_max(const NativeChunk<4>::Single &a, const NativeChunk<4>::Single &b) {
+    return __builtin_ia32_maxps(b, a);
+}
+CUTICLE_INLINE auto chunk_min(const NativeChunk<4>::Single &a, const NativeChunk<4>::Single &b) {
+    return __builtin_ia32_minps(b, a);
+}
+CUTICLE_INLINE auto chunk_max(const NativeChunk<8>::Single &a, const NativeChunk<8>::Single &b) {
+    return __builtin_ia32_maxps256(b, a);
+}
+CUTICLE_INLINE auto chunk_min(const NativeChunk<8>::Single &a, const NativeChunk<8>::Single &b) {
+    return __builtin_ia32_minps256(b, a);
+}
+#if defined(__AVX512F__)
+CUTICLE_INLINE auto chunk_max(const NativeChunk<16>::Single &a, const NativeChunk<16>::Single &b) {
+    return __builtin_ia32_maxps512_mask(b, a, a, -1, 4);
+}
+CUTICLE_INLINE auto chunk_min(const NativeChunk<16>::Single &a, const NativeChunk<16>::Single &b) {
+    return __builtin_ia32_minps512_mask(b, a, a, -1, 4);
+}
+#endif
+#endif
+
+}  // namespace detail
+
+// All here is found from cuticle::math by argument-dependent lookup, as an array type's own functions are.
+template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> pack_max(const Pack<T, N, B> &a, const Pack<T, N, B> &b) {
+    Pack<T, N, B> r;
+    for (int i = 0; i < Pack<T, N, B>::chunks; ++i)
+        if constexpr (Pack<T, N, B>::width > 1) r.v[i] = detail::chunk_max(a.v[i], b.v[i]);
+        else r.v[i] = math::max(a.v[i], b.v[i]);
+    return r;
+}
+template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> pack_min(const Pack<T, N, B> &a, const Pack<T, N, B> &b) {
+    Pack<T, N, B> r;
+    for (int i = 0; i < Pack<T, N, B>::chunks; ++i)
+        if constexpr (Pack<T, N, B>::width > 1) r.v[i] = detail::chunk_min(a.v[i], b.v[i]);
+        else r.v[i] = math::min(a.v[i], b.v[i]);
+    return r;
+}
+
 template <int N, int B>
 CUTICLE_INLINE Pack<float, N, B> round_power(const Pack<float, N, B> &t, Pack<float, N, B> &rounded) {
     Pack<float, N, B> power;

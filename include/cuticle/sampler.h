@@ -59,35 +59,44 @@ CUTICLE_INLINE CountInterval<Float> locate_count(const Scalar *counts, int rows,
     return {row, low, high};
 }
 
-// Where theta_r and the number of strands fall. From 0 strands to the first positive count the scattering
-// function is a blend of two different shapes, so there the sampler mixes the two rows' densities in proportion
-// to their energies; further on the rows' parameters are interpolated.
-template <class Float> struct TablePosition {
-    using Index = typename ArrayTraits<Float>::Index;
-    Index node, row;
-    Float t, s;                           // fractions towards node + 1 and row + 1
-    decltype(Float(0) < Float(0)) blend;  // row 0 is for no strands, row 1 for some
+// Where theta_r falls.
+template <class Float> struct ThetaPosition {
+    typename ArrayTraits<Float>::Index node;
+    Float t;  // fraction towards node + 1
 };
 
 template <class Float, class Scalar, int K, class Memory>
-CUTICLE_INLINE TablePosition<Float> locate(const LobeTable<Scalar, K, Memory> &table, const Float &theta_r,
-                                           const Float &strands) {
-    using Traits = ArrayTraits<Float>;
-    using Index = typename Traits::Index;
+CUTICLE_INLINE ThetaPosition<Float> locate_theta(const LobeTable<Scalar, K, Memory> &table, const Float &theta_r) {
+    using Index = typename ArrayTraits<Float>::Index;
     const Float last = Float(table.theta_nodes - 1);
-    const Float x = math::clamp(Float((theta_r * Float(1 / pi<double>) + Float(.5)) * last), Float(0), last);
-    const Index node = math::min(Traits::to_index(x), Index(table.theta_nodes - 2));
+    // In this order what is no number reads the first node, and stays none by its fraction.
+    const Float x = math::min(math::max(Float(0), Float((theta_r * Float(1 / pi<double>) + Float(.5)) * last)), last);
+    const Index node = math::min(ArrayTraits<Float>::to_index(x), Index(table.theta_nodes - 2));
+    return {node, Float((x - Float(node)) + Float(0) * theta_r)};
+}
+
+// Where the number of strands falls. From 0 strands to the first positive count the scattering function is a blend of two
+// different shapes, so there the sampler mixes the two rows' densities in proportion to their energies; further on the
+// rows' parameters are interpolated. One number for all lanes is a scalar.
+template <class Count> struct RowPosition {
+    typename ArrayTraits<Count>::Index row;
+    Count s;                              // fraction towards row + 1
+    decltype(Count(0) < Count(0)) blend;  // row 0 is for no strands, row 1 for some
+};
+
+template <class Count, class Scalar, int K, class Memory>
+CUTICLE_INLINE RowPosition<Count> locate_row(const LobeTable<Scalar, K, Memory> &table, const Count &strands) {
     const bool several = table.rows > 1, from_none = several && table.strands[0] == Scalar(0);
-    const CountInterval<Float> count = locate_count(table.strands, table.rows, strands);
-    const Float lo = count.low, hi = count.high;
-    const auto blend = strands < (from_none ? Float(table.strands[1]) : Float(0));
+    const CountInterval<Count> count = locate_count(table.strands, table.rows, strands);
+    const Count lo = count.low, hi = count.high;
+    const auto blend = strands < (from_none ? Count(table.strands[1]) : Count(0));
     // A branch, not a division on the way to every load: counts are whole more often than not.
-    Float s = Float(0);
-    if (several && Traits::any(strands > lo)) {
-        const Float span = select(blend, math::min(hi, Float(1)), Float(hi - lo));
-        s = math::clamp(Float((strands - lo) / span), Float(0), Float(1));
+    Count s = Count(0);
+    if (several && ArrayTraits<Count>::any(strands > lo)) {
+        const Count span = select(blend, math::min(hi, Count(1)), Count(hi - lo));
+        s = math::clamp(Count((strands - lo) / span), Count(0), Count(1));
     }
-    return {node, count.row, Float(x - Float(node)), s, blend};
+    return {count.row, s, blend};
 }
 
 // The mixture for one theta_r and number of strands. Prepare once a shading point, then evaluate and draw.
@@ -109,7 +118,7 @@ template <class Float, int K> struct PreparedSampler {
         const Float u = select(in_first, Float(u_lobe / share), Float((u_lobe - share) / rest));
         const ChosenLobe<Float> a = first.choose(u), b = second.choose(u);
         const ChosenLobe<Float> chosen{select_normal(in_first, a.theta, b.theta), select_normal(in_first, a.phi, b.phi)};
-        Sample<Float> s = first.draw(chosen, u_theta, u_phi);
+        Sample<Float> s = draw(chosen, u_theta, u_phi, first.even);
         s.pdf = pdf(s.theta_i, s.phi);
         return s;
     }
@@ -130,7 +139,7 @@ template <class Float, int K> struct LobeValues {
 template <class Float, class Scalar, int K, class Memory>
 CUTICLE_INLINE LobeValues<Float, K> interpolate_theta(const LobeTable<Scalar, K, Memory> &table,
                                                       const typename ArrayTraits<Float>::Index &row,
-                                                      const TablePosition<Float> &at) {
+                                                      const ThetaPosition<Float> &at) {
     using Index = typename ArrayTraits<Float>::Index;
     static_assert(lobe_weight == 0 && lobe_mean_theta == 1 && lobe_mean_phi == 2 && lobe_sigma_theta == 3);
     constexpr int size = lobe_parameters * K;
@@ -148,49 +157,51 @@ CUTICLE_INLINE LobeValues<Float, K> interpolate_theta(const LobeTable<Scalar, K,
 }
 
 // The lobes' parameters where no two rows' densities are mixed: on a row, the usual case, nothing else is touched.
-template <class Float, class Scalar, int K, class Memory>
-CUTICLE_INLINE LobeValues<Float, K> values_at(const LobeTable<Scalar, K, Memory> &table, const TablePosition<Float> &at) {
-    using Traits = ArrayTraits<Float>;
-    using Index = typename Traits::Index;
-    const bool on_lower = !Traits::any(at.s > Float(0)), on_upper = !Traits::any(at.s < Float(1));
-    const Index next = Index(at.row + Index(1));
-    const LobeValues<Float, K> values = interpolate_theta(table, on_upper ? next : at.row, at);
+template <class Float, class Count, class Scalar, int K, class Memory>
+CUTICLE_INLINE LobeValues<Float, K> values_at(const LobeTable<Scalar, K, Memory> &table, const ThetaPosition<Float> &at,
+                                              const RowPosition<Count> &rows) {
+    using Traits = ArrayTraits<Count>;
+    using Index = typename ArrayTraits<Float>::Index;
+    const bool on_lower = !Traits::any(rows.s > Count(0)), on_upper = !Traits::any(rows.s < Count(1));
+    const Index row = Index(rows.row), next = row + Index(1);
+    const LobeValues<Float, K> values = interpolate_theta(table, on_upper ? next : row, at);
     if (table.rows == 1 || on_lower || on_upper) return values;
-    return values.mix(at.s, interpolate_theta(table, next, at));
+    return values.mix(Float(rows.s), interpolate_theta(table, next, at));
 }
 
-template <class Float, class Scalar, int K, class Memory>
-CUTICLE_INLINE Lobes<Float, K> lobes_at(const LobeTable<Scalar, K, Memory> &table, const TablePosition<Float> &at) {
-    const LobeValues<Float, K> values = values_at(table, at);
+template <class Float, class Count, class Scalar, int K, class Memory>
+CUTICLE_INLINE Lobes<Float, K> lobes_at(const LobeTable<Scalar, K, Memory> &table, const ThetaPosition<Float> &at,
+                                        const RowPosition<Count> &rows) {
+    const LobeValues<Float, K> values = values_at(table, at, rows);
     Lobes<Float, K> lobes;
     lobes.set(values.weight, values.mean, values.sigma, table.even);
     return lobes;
 }
 
 // Whether any lane lies between no strands and the first count.
-template <class Float, class Scalar, int K, class Memory>
-CUTICLE_INLINE bool is_blended(const LobeTable<Scalar, K, Memory> &table, const TablePosition<Float> &at) {
-    using Traits = ArrayTraits<Float>;
-    return table.rows > 1 && Traits::any(at.s > Float(0)) && Traits::any(at.s < Float(1)) && table.strands[0] == Scalar(0) &&
-           Traits::any(at.blend);
+template <class Count, class Scalar, int K, class Memory>
+CUTICLE_INLINE bool is_blended(const LobeTable<Scalar, K, Memory> &table, const RowPosition<Count> &rows) {
+    using Traits = ArrayTraits<Count>;
+    return table.rows > 1 && Traits::any(rows.s > Count(0)) && Traits::any(rows.s < Count(1)) &&
+           table.strands[0] == Scalar(0) && Traits::any(rows.blend);
 }
 
 template <class Float, class Scalar, int K, class Memory>
 CUTICLE_HD PreparedSampler<Float, K> prepare_blended(const LobeTable<Scalar, K, Memory> &table,
-                                                     const TablePosition<Float> &at) {
+                                                     const ThetaPosition<Float> &at, const RowPosition<Float> &rows) {
     using Traits = ArrayTraits<Float>;
     using Index = typename Traits::Index;
-    const LobeValues<Float, K> lower = interpolate_theta(table, at.row, at);
-    const LobeValues<Float, K> upper = interpolate_theta(table, Index(at.row + Index(1)), at);
-    const Index e = at.row * Index(table.theta_nodes) + at.node, g = e + Index(table.theta_nodes);
+    const LobeValues<Float, K> lower = interpolate_theta(table, rows.row, at);
+    const LobeValues<Float, K> upper = interpolate_theta(table, Index(rows.row + Index(1)), at);
+    const Index e = rows.row * Index(table.theta_nodes) + at.node, g = e + Index(table.theta_nodes);
     const auto energy = [&](const Index &i) {
         const Float a = Traits::gather(table.energy, i), b = Traits::gather(table.energy, Index(i + Index(1)));
         return Float(a + at.t * (b - a));
     };
-    const Float e0 = (Float(1) - at.s) * energy(e), e1 = at.s * energy(g);
-    const LobeValues<Float, K> first = lower.mix(select(at.blend, Float(0), at.s), upper);
+    const Float e0 = (Float(1) - rows.s) * energy(e), e1 = rows.s * energy(g);
+    const LobeValues<Float, K> first = lower.mix(select(rows.blend, Float(0), rows.s), upper);
     PreparedSampler<Float, K> out;
-    out.share = select(at.blend, Float(e0 / (e0 + e1)), Float(1));
+    out.share = select(rows.blend, Float(e0 / (e0 + e1)), Float(1));
     out.blended = Traits::any(out.share < Float(1));
     out.first.set(first.weight, first.mean, first.sigma, table.even);
     out.second.set(upper.weight, upper.mean, upper.sigma, table.even);
@@ -200,10 +211,11 @@ CUTICLE_HD PreparedSampler<Float, K> prepare_blended(const LobeTable<Scalar, K, 
 template <class Float, class Scalar, int K, class Memory>
 CUTICLE_INLINE PreparedSampler<Float, K> prepare(const LobeTable<Scalar, K, Memory> &table, const Float &theta_r,
                                                  const Float &strands) {
-    const TablePosition<Float> at = locate<Float>(table, theta_r, strands);
-    if (is_blended(table, at)) return prepare_blended(table, at);
+    const ThetaPosition<Float> at = locate_theta(table, theta_r);
+    const RowPosition<Float> rows = locate_row(table, strands);
+    if (is_blended(table, rows)) return prepare_blended(table, at, rows);
     PreparedSampler<Float, K> out;
-    out.first = lobes_at(table, at);
+    out.first = lobes_at(table, at, rows);
     out.share = Float(1);
     out.blended = false;
     return out;
@@ -213,17 +225,19 @@ CUTICLE_INLINE PreparedSampler<Float, K> prepare(const LobeTable<Scalar, K, Memo
 template <class Float, class Scalar, int K, class Memory>
 CUTICLE_INLINE Float pdf(const LobeTable<Scalar, K, Memory> &table, const Float &theta_i, const Float &theta_r,
                          const Float &phi, const Float &strands) {
-    const TablePosition<Float> at = locate<Float>(table, theta_r, strands);
-    if (is_blended(table, at)) return prepare_blended(table, at).pdf(theta_i, phi);
-    return lobes_at(table, at).pdf(theta_i, phi);
+    const ThetaPosition<Float> at = locate_theta(table, theta_r);
+    const RowPosition<Float> rows = locate_row(table, strands);
+    if (is_blended(table, rows)) return prepare_blended(table, at, rows).pdf(theta_i, phi);
+    return lobes_at(table, at, rows).pdf(theta_i, phi);
 }
 
 template <class Float, class Scalar, int K, class Memory>
 CUTICLE_INLINE Sample<Float> sample(const LobeTable<Scalar, K, Memory> &table, const Float &theta_r, const Float &u_lobe,
                                     const Float &u_theta, const Float &u_phi, const Float &strands) {
-    const TablePosition<Float> at = locate<Float>(table, theta_r, strands);
-    if (is_blended(table, at)) return prepare_blended(table, at).sample(u_lobe, u_theta, u_phi);
-    return lobes_at(table, at).sample(u_lobe, u_theta, u_phi);
+    const ThetaPosition<Float> at = locate_theta(table, theta_r);
+    const RowPosition<Float> rows = locate_row(table, strands);
+    if (is_blended(table, rows)) return prepare_blended(table, at, rows).sample(u_lobe, u_theta, u_phi);
+    return lobes_at(table, at, rows).sample(u_lobe, u_theta, u_phi);
 }
 
 }  // namespace cuticle

@@ -17,7 +17,7 @@ namespace {
 // One lobe's density along one coordinate at `count` points, and its derivatives by mean and sigma.
 void normal_with_derivatives(double mean, double sigma, double lo, double hi, const double *x, std::size_t count,
                              double *value, double *by_mean, double *by_sigma) {
-    const auto d = cuticle::central_normal(mean, cuticle::sqrt_half<double> / sigma, lo, hi);
+    const auto d = cuticle::central_normal(mean, sigma, lo, hi);
     const double norm = cuticle::central_norm(d);
     const double za = (lo - mean) / sigma, zb = (hi - mean) / sigma;
     const double fa = norm * std::exp(-.5 * za * za), fb = norm * std::exp(-.5 * zb * zb);  // density at the ends
