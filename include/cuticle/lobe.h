@@ -17,8 +17,8 @@ template <class Float> struct CentralNormal {
 template <class Float>
 CUTICLE_INLINE CentralNormal<Float> central_normal(const Float &mean, const Float &sigma, const Float &lo, const Float &hi) {
     const Float rate = Float(sqrt_half<double>) / sigma;
-    const math::Quotient<Float> a = math::erf_quotient(Float((lo - mean) * rate));
-    const math::Quotient<Float> b = math::erf_quotient(Float((hi - mean) * rate));
+    const math::Quotient<Float> a = math::erf_end<true>(Float((lo - mean) * rate));
+    const math::Quotient<Float> b = math::erf_end<false>(Float((hi - mean) * rate));
     const Float low = a.over * b.under;
     return {mean, rate, Float(2 * sqrt_half<double>) * sigma, low, b.over * a.under - low, a.under * b.under};
 }

@@ -187,8 +187,7 @@ template <class T> struct Quotient {
 
 // erf in single precision: x P(x²)/Q(x²) on |x| <= 4, our own minimax fit (benchmarks/fit_polynomials.py);
 // relative error below 4e-7, so at most 1 + 2e-7.
-template <class T> CUTICLE_INLINE Quotient<T> erf_single(const T &x_) {
-    const T x = clamp(x_, T(-4.f), T(4.f));
+template <class T> CUTICLE_INLINE Quotient<T> erf_held(const T &x) {
     const T t = x * x;
     const T p = polynomial(t, T(1.98677e-6f), T(2.84569745e-4f), T(3.88347404e-3f), T(5.31021431e-2f), T(.193547979f),
                            T(1.12837911f));
@@ -196,6 +195,7 @@ template <class T> CUTICLE_INLINE Quotient<T> erf_single(const T &x_) {
         polynomial(t, T(3.74202609e-5f), T(1.1856046e-3f), T(1.52075076e-2f), T(.115351215f), T(.504859984f), T(1.f));
     return {x * p, q};
 }
+template <class T> CUTICLE_INLINE Quotient<T> erf_single(const T &x) { return erf_held(clamp(x, T(-4.f), T(4.f))); }
 
 template <class T> CUTICLE_INLINE Quotient<T> erf_quotient(const T &x) {
     if constexpr (is_pack<T>) {
@@ -206,6 +206,13 @@ template <class T> CUTICLE_INLINE Quotient<T> erf_quotient(const T &x) {
         using std::erf;
         return {erf(x), T(1)};
     }
+}
+
+// At the ends of an interval about a mean: what is known to lie below 4 at the lower one, or above -4 at the upper one, is
+// held from one side.
+template <bool Lower, class T> CUTICLE_INLINE Quotient<T> erf_end(const T &x) {
+    if constexpr (std::is_same_v<scalar_t<T>, float>) return erf_held(Lower ? max(x, T(-4.f)) : min(x, T(4.f)));
+    else return erf_quotient(x);
 }
 
 template <class T> CUTICLE_INLINE T erf(const T &x) {

@@ -48,7 +48,7 @@ def sampling_cost(lobes: int, *, path: float = 30.0) -> float:
     `path` is what tracing and shading one ray costs beside the sampler: an assumption, of the order of 1.5 microseconds. The
     sampler's own cost is a line through `make bench`'s K = 4, 8, 16.
     """
-    return path + 1.05 + 0.06 * lobes
+    return path + 1.05 + 0.04 * lobes
 
 
 def fit(
