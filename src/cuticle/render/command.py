@@ -42,7 +42,7 @@ app = typer.Typer(
 GroomArgument = Annotated[
     list[str],
     typer.Argument(
-        metavar="GROOM…", help=f"Files (.hair .data .tfx .usd .txt), taken together, or {' or '.join(BUILT_IN)}."
+        metavar="GROOM…", help=f"Files (.hair .data .tfx .usd .abc .txt), taken together, or {' or '.join(BUILT_IN)}."
     ),
 ]
 FibreOption = Annotated[

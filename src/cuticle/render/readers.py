@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cuticle.render.alembic import read_alembic
+
 Raw = tuple[NDArray[np.float32], NDArray[np.int64], NDArray[np.float32] | None]  # points, counts, radius
 
 
@@ -18,6 +20,8 @@ def read(path: str | os.PathLike[str]) -> Raw:
     ending = Path(path).suffix.lower()
     if ending in (".usd", ".usda", ".usdc", ".usdz"):
         return _usd(Path(path))
+    if ending == ".abc":
+        return read_alembic(Path(path))
     readers: dict[str, Callable[[str, bytes], Raw]] = {
         ".hair": _cyhair,
         ".data": _usc,
@@ -26,9 +30,8 @@ def read(path: str | os.PathLike[str]) -> Raw:
         ".curves": _text,
     }
     if ending not in readers:
-        known = ", ".join([*readers, ".usd"])
-        extra = "; export Alembic curves as USD or cyHair" if ending == ".abc" else ""
-        raise ValueError(f"{path}: a groom's format is told by its ending, one of {known}; got {ending or 'none'!r}{extra}")
+        known = ", ".join([*readers, ".usd", ".abc"])
+        raise ValueError(f"{path}: a groom's format is told by its ending, one of {known}; got {ending or 'none'!r}")
     try:
         data = Path(path).read_bytes()
     except OSError as error:
@@ -182,7 +185,7 @@ def _usd(path: Path) -> Raw:
         matrix = np.array(places.GetLocalToWorldTransform(prim))
         points.append(xyz @ matrix[:3, :3] + matrix[3, :3])
         counts.append(own)
-        widths = np.array(curves.GetWidthsAttr().Get() or [], np.float64)
+        widths = np.array(curves.GetWidthsAttr().Get() or [], np.float64) * np.cbrt(abs(np.linalg.det(matrix[:3, :3])))
         if len(widths) in (1, len(own)):
             widths = np.broadcast_to(widths, len(own)) if len(widths) == 1 else widths
             radius.append(0.5 * np.repeat(widths, own))
