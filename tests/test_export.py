@@ -49,7 +49,7 @@ def compile_and_run(source: str, folder: Path, *, compiler: str = "g++", flags: 
 
 
 def test_the_table_is_small_and_the_text_depends_on_nothing_else(document_fit: cuticle.Fit) -> None:
-    for to in ("cpp", "cuda", "glsl"):
+    for to in ("cpp", "cuda", "glsl", "hlsl"):
         made = export(document_fit.sampler, to, name="brown")
         assert made.table_bytes <= MAX_TABLE
         again = export(cuticle.Sampler.from_json(document_fit.sampler.to_json()), to, name="brown")
@@ -236,7 +236,7 @@ def test_the_command_writes_what_it_says(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["sampler.json", "--to", "rust", "-o", "x.rs"], "--to must be one of cpp, cuda, glsl, json, web; got 'rust'"),
+        (["sampler.json", "--to", "rust", "-o", "x.rs"], "--to must be one of cpp, cuda, glsl, hlsl, json, web; got 'rust'"),
         (["sampler.json", "-o", "x.h"], "--to must say for which host"),
         (["sampler.json", "--to", "cpp", "-o", "missing/x.h"], "cannot write to missing"),
         (["sampler.json", "--to", "cpp", "-o", "."], "it is a folder"),

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import cuticle
+from conformance import replay
 from conformance.hosts import nvcc
 from cuticle.export import export, web
 from cuticle.export.function_table import FunctionTable, tabulate_function
@@ -189,6 +190,17 @@ def test_it_is_formatted_and_validates(kind: str, samplers: dict[str, cuticle.Sa
         )
         assert done.returncode == 0, done.stdout
         assert "WARNING" not in done.stdout
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_hlsl_compiles(kind: str, samplers: dict[str, cuticle.Sampler], tmp_path: Path) -> None:
+    if shutil.which("glslangValidator") is None:
+        pytest.skip("glslangValidator is not installed (Debian: apt-get install glslang-tools)")
+    made = export(samplers[kind], "hlsl", name="fibre", with_model=True, model=MODELS[kind])
+    call = "fibre_eval_direction(float3(0.6, 0.64, 0.48), float3(0.0, 1.0, 0.0), 0.5)"
+    main = f"\nfloat4 main() : SV_Target {{ float f = length({call}); return float4(f, f, f, 1.0); }}\n"
+    (tmp_path / "main.hlsl").write_text(made.text + main)
+    replay.spirv_of(tmp_path)
 
 
 @pytest.mark.parametrize("kind", MODELS)

@@ -12,6 +12,7 @@ cos(theta) to 5e-8 absolutely: their densities are allowed that, too.
 from __future__ import annotations
 
 import hashlib
+import re
 import shutil
 import subprocess
 from dataclasses import dataclass
@@ -177,3 +178,32 @@ def shaded(driver: object, shader: str, x: np.ndarray, folder: Path) -> np.ndarr
     done = driver.execute_script("return replay(arguments[0], arguments[1])", text, len(COLUMNS))  # type: ignore[attr-defined]
     assert done.get("error") is None, str(done)[:2000]
     return np.frombuffer(base64.b64decode(done["values"]), "<f4").reshape(-1, 4)[: len(x)].astype(float)
+
+
+HLSL_TOOLS = ("glslangValidator", "spirv-cross")
+
+
+def translated(hlsl: str, folder: Path) -> str:
+    """HLSL as the whole fragment shader that `shaded` takes: compiled to SPIR-V, and that written as GLSL."""
+    main = """
+Texture2D<float4> first, second;
+float4 main(float4 place : SV_Position) : SV_Target {
+    int3 at = int3(int2(place.xy), 0);
+    float4 a = first.Load(at), u = second.Load(at);
+    return float4(fibre_pdf(a.x, a.y, a.z, a.w), fibre_sample(a.y, u.xyz, a.w));
+}
+"""
+    (folder / "main.hlsl").write_text(hlsl + main)
+    spirv_of(folder)
+    written = subprocess.run(
+        ["spirv-cross", "--es", "--version", "300", "main.spv"], cwd=folder, capture_output=True, text=True, check=True
+    )
+    return re.sub(r"SPIRV_Cross_Combined(\w+?)SPIRV_Cross_DummySampler", r"\1", written.stdout)
+
+
+def spirv_of(folder: Path) -> None:
+    """Compile main.hlsl, an entry point `main` of a pixel shader, to main.spv."""
+    command = ["glslangValidator", "-D", "-V", "-e", "main", "-S", "frag", "-o", "main.spv", "main.hlsl"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+    assert "WARNING" not in done.stdout, done.stdout

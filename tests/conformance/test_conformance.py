@@ -117,6 +117,41 @@ def test_glsl_validates(sampler: Any, version: str, with_model: bool, tmp_path: 
     assert "WARNING" not in done.stdout
 
 
+@pytest.mark.parametrize("with_model", [False, True])
+def test_hlsl_compiles(sampler: Any, with_model: bool, tmp_path: Path) -> None:
+    if shutil.which("glslangValidator") is None:
+        pytest.skip("glslangValidator is not installed (Debian: apt-get install glslang-tools)")
+    made = export(sampler[1], "hlsl", name="fibre", frame="mitsuba", with_model=with_model)
+    assert bool(made.data) == with_model
+    call = "fibre_pdf_direction(wi, wo, 2.0)" + (" + length(fibre_eval_direction(wi, wo, 0.5))" if with_model else "")
+    main = f"""
+        float4 main() : SV_Target {{
+            float3 wi = float3(0.6, 0.64, 0.48);
+            float p;
+            float3 wo = fibre_sample_direction(wi, float3(0.1, 0.2, 0.3), 1.0, p);
+            return float4(wo, p + {call});
+        }}
+        """
+    (tmp_path / "main.hlsl").write_text(made.text + main)
+    replay.spirv_of(tmp_path)
+
+
+def test_hlsl_by_way_of_a_browser(sampler: Any, x: Any, table: Any, browser: Any, tmp_path: Path) -> None:
+    """What a compiler makes of the HLSL, written as GLSL: no Direct3D is needed."""
+    for tool in replay.HLSL_TOOLS:
+        if shutil.which(tool) is None:
+            pytest.skip(f"{tool} is not installed (Debian: apt-get install glslang-tools spirv-cross)")
+    name, fitted = sampler
+    shader = export(fitted, "hlsl", name="fibre").text
+    got = replay.shaded(browser, replay.translated(shader, tmp_path), x, tmp_path)
+    judge(table, replay.compare(f"{name}: HLSL", fitted, x, got, reassociates=True))
+    if name == "document":  # one digit of erf wrong
+        wrong = shader.replace(*BROKEN[1])
+        assert wrong != shader
+        got = replay.shaded(browser, replay.translated(wrong, tmp_path), x, tmp_path)
+        assert not replay.compare("broken", fitted, x, got, reassociates=True).ok
+
+
 def test_glsl_in_a_browser(sampler: Any, x: Any, table: Any, browser: Any, tmp_path: Path) -> None:
     name, fitted = sampler
     shader = export(fitted, "glsl", name="fibre").text
@@ -148,6 +183,14 @@ def test_any_table_in_cpp(uneven: cuticle.Sampler, x: Any, table: Any, tmp_path:
 def test_any_table_in_glsl(uneven: cuticle.Sampler, x: Any, table: Any, browser: Any, tmp_path: Path) -> None:
     got = replay.shaded(browser, export(uneven, "glsl", name="fibre").text, x, tmp_path)
     judge(table, replay.compare(f"uneven, {uneven.lobes} lobes: GLSL", uneven, x, got, reassociates=True))
+
+
+def test_any_table_compiles_as_hlsl(uneven: cuticle.Sampler, tmp_path: Path) -> None:
+    if shutil.which("glslangValidator") is None:
+        pytest.skip("glslangValidator is not installed (Debian: apt-get install glslang-tools)")
+    main = "\nfloat4 main() : SV_Target { return float4(fibre_sample(0.3, float3(0.1, 0.2, 0.3), 1.5), 1.0); }\n"
+    (tmp_path / "main.hlsl").write_text(export(uneven, "hlsl", name="fibre").text + main)
+    replay.spirv_of(tmp_path)
 
 
 # One digit wrong: a coefficient of erf's inverse, of erf, and a node of the table.

@@ -1,4 +1,4 @@
-"""A fitted sampler as a file for another host: C++, CUDA, GLSL, JSON, or a web page to look at it."""
+"""A fitted sampler as a file for another host: C++, CUDA, GLSL, HLSL, JSON, or a web page to look at it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from cuticle.version import __version__
 
 __all__ = ["FRAMES", "HOSTS", "Export", "amalgamate", "export"]
 
-HOSTS = ("cpp", "cuda", "glsl", "json", "web")
+HOSTS = ("cpp", "cuda", "glsl", "hlsl", "json", "web")
 Progress = Callable[[str, float], None]
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _RESERVED = {"cuticle", "std", "main"}
@@ -44,7 +44,7 @@ class Export:
     text
         The file.
     data
-        Single-precision values, four a texel, for the texture that GLSL with a model reads; empty elsewhere.
+        Single-precision values, four a texel, for the texture that GLSL or HLSL with a model reads; empty elsewhere.
     table_bytes
         Size of the lobe table in it.
     model
@@ -75,12 +75,12 @@ def export(
         The sampler.
     to
         "cpp" and "cuda": C++17 with the core's headers in it, for float and double, on the host and on a GPU. "glsl": for
-        GLSL ES 3.00 and 4.50, without loops of varying length. "json": the sampler's file. "web": a page in which to turn
-        viewer, strands and number of lobes.
+        GLSL ES 3.00 and 4.50, without loops of varying length; "hlsl": the same in HLSL. "json": the sampler's file. "web":
+        a page in which to turn viewer, strands and number of lobes.
     frame
         Whose local frame the functions that take directions are written for: pbrt, mitsuba, local-x, local-y, local-z.
     name
-        C++ namespace, or prefix in GLSL.
+        C++ namespace, or prefix in GLSL and HLSL.
     with_model
         Put the scattering function in, too: f beside sample and pdf. A `Fibre`'s and Chiang's keep their closed forms, with
         tables thinned to within 1 % of ∫ f cos; any other is written as a table, to within 1 % where a million values are
@@ -129,10 +129,10 @@ def export(
     report("measuring", 0.5)
     about = describe(sampler, known)
     report("writing", 0.9)
-    if to == "glsl":
+    if to in ("glsl", "hlsl"):
         from cuticle.export.glsl import shader
 
-        return shader(sampler, tables, host_frame, name, about)
+        return shader(sampler, tables, host_frame, name, about, hlsl=to == "hlsl")
     return _cpp(sampler, tables, host_frame, name, about, cuda=to == "cuda")
 
 

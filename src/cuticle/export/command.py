@@ -27,7 +27,8 @@ def export_command(
         str, typer.Option(help=f"Whose frame directions are in: {' | '.join(FRAMES)}.", metavar="FRAME")
     ] = "local-x",
     name: Annotated[
-        str | None, typer.Option(help="Namespace in C++, prefix in GLSL; the output's name if left out.", metavar="NAME")
+        str | None,
+        typer.Option(help="Namespace in C++, prefix in shaders; the output's name if left out.", metavar="NAME"),
     ] = None,
     with_model: Annotated[
         bool,
@@ -41,7 +42,7 @@ def export_command(
         bool, typer.Option("--amalgamate", help="Write the core's headers as one file, without a sampler.")
     ] = False,
 ) -> None:
-    """Write a sampler as one file for C++, CUDA or GLSL, as JSON, or as a web page to turn it in."""
+    """Write a sampler as one file for C++, CUDA, GLSL or HLSL, as JSON, or as a web page to turn it in."""
     if amalgamated == (sampler is not None):
         raise ValueError("give a sampler with --to HOST, or --amalgamate without a sampler")
     if output.is_dir():

@@ -1,6 +1,8 @@
-"""A sampler as GLSL, and the texels its scattering function reads."""
+"""A sampler as GLSL or HLSL, and the texels its scattering function reads."""
 
 from __future__ import annotations
+
+import re
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,7 @@ from cuticle.sampler import Sampler
 
 TEXTURE_WIDTH = 1024  # every device of OpenGL ES 3.0 has 2048
 _TYPES = ("float", "vec2", "vec3", "vec4")
+_HLSL = {r"\bivec([234])\b": r"int\1", r"\bvec([234])\b": r"float\1", r"\bmix\(": "lerp(", r"\batan\(": "atan2("}
 
 
 def shader(
@@ -24,9 +27,10 @@ def shader(
     name: str,
     about: list[str],
     *,
+    hlsl: bool = False,
     inline: bool = True,
 ) -> Export:
-    """Return the GLSL of a sampler; with `tables` that of its scattering function, too.
+    """Return the GLSL (or HLSL) of a sampler; with `tables` that of its scattering function, too.
 
     `inline=False` leaves the table of lobes out: the host then defines NAME_TABLE(i).
     """
@@ -41,13 +45,16 @@ def shader(
         theta_nodes=texels.shape[1], strands=counts, even=sampler.even, row_step=texels.shape[1] * 5 * groups,
         blends=len(counts) > 1 and counts[0] == 0, energy=singles(sampler.energy[:2], ""),
         texels=[f"vec4({', '.join(singles(v, ''))})" for v in texels.reshape(-1, 4)] if inline else [],
-        model=tables, texture_width=TEXTURE_WIDTH,
+        model=tables, texture_width=TEXTURE_WIDTH, hlsl=hlsl, constant="static const" if hlsl else "const",
     )  # fmt: skip
     data = b""
     if tables is not None:
         values |= _model_values(tables)
         data = model_texels(tables).tobytes()
     text = environment().get_template("sampler.glsl.j2").render(values)
+    if hlsl:
+        for glsl, name_there in _HLSL.items():
+            text = re.sub(glsl, name_there, text)
     return Export(text, texels.nbytes + sampler.energy.size * 4, data, tables)
 
 
