@@ -239,15 +239,17 @@ template <class T> CUTICLE_INLINE T erfinv_single(const T &p) {
 // The same to the precision of the type: in double two Halley steps on erf. What rounding left outside [-1, 1] is taken for
 // the end (by erfinv_single's max, too).
 template <class T> CUTICLE_INLINE T erfinv(const T &p_) {
-    if constexpr (std::is_same_v<scalar_t<T>, float>) return erfinv_single(p_);
-    const T p = clamp(p_, T(-1), T(1));
-    T z = erfinv_single(p);
-    if constexpr (!std::is_same_v<scalar_t<T>, float>)
+    if constexpr (std::is_same_v<scalar_t<T>, float>) {
+        return erfinv_single(p_);
+    } else {
+        const T p = clamp(p_, T(-1), T(1));
+        T z = erfinv_single(p);
         for (int step = 0; step < 2; ++step) {
             const T e = (math::erf(z) - p) / (T(two_over_sqrt_pi<T>) * math::exp(T(-z * z)));
             z = z - e / (T(1) + z * e);
         }
-    return z;
+        return z;
+    }
 }
 
 // Scaled complementary error function exp(x²) erfc(x) for x >= 0: the product where both factors are
