@@ -159,15 +159,15 @@ class Tabulated:
         if self._mirrored and tr * (1 if self.theta_r[0] >= 0 else -1) < 0:
             ti, tr = -ti, -tr
         row, t = (x[0] for x in _locate(self.theta_r, np.array([tr])))
-        column, v = self._column(ph)
-        out = np.zeros((len(ti), len(ph), self.channels))
+        rows = np.zeros((len(ti), *self.values.shape[2:]))
         for sheet, weight in ((row, 1 - t), (min(row + 1, len(self.theta_r) - 1), t)):
             if weight > 0:
                 a, s = _locate(self.theta_i, ti + tr - self.theta_r[sheet])
                 at = self.values[sheet]
-                rows = (1 - s)[:, None, None] * at[a] + s[:, None, None] * at[a + 1]
-                out += weight * ((1 - v)[:, None] * rows[:, column] + v[:, None] * rows[:, column + 1])
-        return out / np.maximum(np.cos(ti), _POLE)[:, None, None]
+                rows += (weight * (1 - s))[:, None, None] * at[a] + (weight * s)[:, None, None] * at[a + 1]
+        rows /= np.maximum(np.cos(ti), _POLE)[:, None, None]
+        column, v = self._column(ph)
+        return (1 - v)[:, None] * rows[:, column] + v[:, None] * rows[:, column + 1]
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the table to an .npz file, whole or not at all."""
