@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-FLAGS = ["-std=c++17", "-O1", "-Wall", "-Wextra", "-Wconversion", "-Werror", f"-I{ROOT / 'include'}"]
+FLAGS = ["-std=c++17", "-Wall", "-Wextra", "-Wconversion", "-Werror", f"-I{ROOT / 'include'}"]
+OPTIMISE = {"g++": "-O1", "clang++": "-O0"}  # GCC warns of more where it optimises; Clang's warnings are the same
 
 
 # standalone: the core on its own. lanes: the sampler over an array type. batch: over arrays.
@@ -21,7 +22,7 @@ def test_compiles_without_a_warning_and_runs(name: str, compiler: str, tmp_path:
         pytest.skip(f"{compiler} is not installed")
     program = tmp_path / name
     built = subprocess.run(
-        [compiler, *FLAGS, str(ROOT / f"tests/cpp/{name}.cpp"), "-o", str(program)],
+        [compiler, *FLAGS, OPTIMISE[compiler], str(ROOT / f"tests/cpp/{name}.cpp"), "-o", str(program)],
         capture_output=True,
         text=True,
         check=False,
@@ -46,7 +47,7 @@ def test_goes_through_the_arrays_of_drjit(tmp_path: Path) -> None:
         f"-isystem{headers}",
         str(ROOT / "tests/cpp/drjit_arrays.cpp"),
     ]
-    traced = [compiler, *flags, "-DTRACED", "-fPIC", "-c", "-o", str(tmp_path / "traced.o")]
+    traced = [compiler, *flags, "-DTRACED", "-fsyntax-only"]
     built = subprocess.run(traced, capture_output=True, text=True, check=False)
     assert built.returncode == 0, built.stderr
     subprocess.run([compiler, *flags, "-o", str(tmp_path / "packets")], check=True)

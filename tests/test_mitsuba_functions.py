@@ -198,9 +198,10 @@ def test_what_a_function_has_not_is_one_line(folder: Path, use_variant: UseVaria
 
 def test_the_command_renders_a_table(folder: Path, use_variant: UseVariant) -> None:
     use_variant("scalar_rgb")
+    make_table(folder / "grey.npz", cuticle.Chiang(sigma_a=(0.5,)).eval)
     # The default integrator wants it among strands: the command sees to that.
     options = ["--sampling", "uniform", "--spp", "2", "--width", "32", "-o", "ball.png"]
-    done = run("render", "ball", "--fibre", "mine.npz", *options, cwd=folder)
+    done = run("render", "ball", "--fibre", "grey.npz", *options, cwd=folder)
     assert done.returncode == 0, done.stderr
     assert (folder / "ball.png").exists()
     assert "can stand among others" not in done.stdout + done.stderr

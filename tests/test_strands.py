@@ -92,7 +92,7 @@ def test_the_command_puts_a_function_among_others(tmp_path: Path) -> None:
         command = [sys.executable, "-m", "cuticle", *arguments]
         return subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
 
-    Chiang(eumelanin=1.3).save(tmp_path / "hair.toml")
+    Chiang(sigma_a=(0.5,)).save(tmp_path / "hair.toml")
     done = run("fit", "hair.toml", "-o", "out", "--strands", "0,2", "--lobes", "2")
     assert done.returncode == 0, done.stderr
     assert cuticle.Sampler.load(tmp_path / "out/sampler.json").about["among"] == {"d_f": 0.7, "d_b": 0.7}
@@ -102,7 +102,7 @@ def test_the_command_puts_a_function_among_others(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     data = json.loads((tmp_path / "out/document.json").read_text())
     assert data["model"].startswith("Strands(Chiang(")
-    assert data["fibre"]["eumelanin"] == 1.3
+    assert data["fibre"]["sigma_a"] == [0.5]
     done = run("report", "out")
     assert done.returncode == 0, done.stderr
-    assert "eumelanin" in (tmp_path / "out/report.html").read_text()
+    assert "sigma_a" in (tmp_path / "out/report.html").read_text()
