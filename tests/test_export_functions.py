@@ -194,13 +194,10 @@ def test_it_is_formatted_and_validates(kind: str, samplers: dict[str, cuticle.Sa
 
 @pytest.mark.parametrize("kind", MODELS)
 def test_hlsl_compiles(kind: str, samplers: dict[str, cuticle.Sampler], tmp_path: Path) -> None:
-    if shutil.which("glslangValidator") is None:
-        pytest.skip("glslangValidator is not installed (Debian: apt-get install glslang-tools)")
     made = export(samplers[kind], "hlsl", name="fibre", with_model=True, model=MODELS[kind])
     call = "fibre_eval_direction(float3(0.6, 0.64, 0.48), float3(0.0, 1.0, 0.0), 0.5)"
     main = f"\nfloat4 main() : SV_Target {{ float f = length({call}); return float4(f, f, f, 1.0); }}\n"
-    (tmp_path / "main.hlsl").write_text(made.text + main)
-    replay.spirv_of(tmp_path)
+    replay.spirv_of(made.text + main, tmp_path)
 
 
 @pytest.mark.parametrize("kind", MODELS)

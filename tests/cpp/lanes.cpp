@@ -193,6 +193,7 @@ template <class Float> int run(const char *name) {
     for (const bool even : {true, false})
         for (const std::vector<Float> &strands :
              {std::vector<Float>{0}, std::vector<Float>{2}, std::vector<Float>{0, 1, 2, 8}, std::vector<Float>{1, 2, 4}}) {
+            wrong += compare<Float, 1>(even, strands, rng);
             wrong += compare<Float, 3>(even, strands, rng);
             wrong += compare<Float, 4>(even, strands, rng);
         }
