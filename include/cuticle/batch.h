@@ -9,6 +9,15 @@ namespace cuticle {
 
 namespace detail {
 
+template <class Lanes> CUTICLE_INLINE CentralNormal<Lanes> theta_normal(const Lanes &mean, const Lanes &sigma) {
+    const Lanes pole(half_pi<double>);
+    return central_normal(mean, sigma, Lanes(-pole), pole);
+}
+template <class Lanes> CUTICLE_INLINE CentralNormal<Lanes> phi_normal(const Lanes &mean, const Lanes &sigma, bool even) {
+    const Lanes turn(pi<double>);
+    return central_normal(mean, sigma, even ? Lanes(0) : Lanes(mean - turn), even ? turn : Lanes(mean + turn));
+}
+
 // One lobe, each of its numbers in every lane: lobe by lobe all stays in registers.
 template <class Lanes> struct LaneLobe {
     Lanes weight, scale;
@@ -16,11 +25,10 @@ template <class Lanes> struct LaneLobe {
 
     LaneLobe() = default;
     template <int K>
-    CUTICLE_INLINE LaneLobe(const LobeValues<Lanes, K> &values, int k, bool even) : weight(values.weight[k]) {
-        const Lanes pole(half_pi<double>), turn(pi<double>), mean = values.mean[K + k];
-        theta = central_normal(values.mean[k], values.sigma[k], Lanes(-pole), pole);
-        phi = central_normal(mean, values.sigma[K + k], even ? Lanes(0) : Lanes(mean - turn),
-                             even ? turn : Lanes(mean + turn));
+    CUTICLE_INLINE LaneLobe(const LobeValues<Lanes, K> &values, int k, bool even)
+        : weight(values.weight[k]),
+          theta(theta_normal(values.mean[k], values.sigma[k])),
+          phi(phi_normal(values.mean[K + k], values.sigma[K + k], even)) {
         scale = lobe_scale(weight, Lanes(theta.rate * phi.rate), Lanes(theta.mass * phi.mass),
                            Lanes(theta.under * phi.under), even);
     }
@@ -33,36 +41,63 @@ template <class Lanes> struct LaneLobe {
     }
 };
 
+// What lanes do with a mixture that knows its `count`, whether it is `even`, and of each lobe `lobe(k)`, its `weight(k)`
+// and how to `choose` one.
+template <class Mixture, class Lanes> struct LaneSampler {
+    CUTICLE_INLINE Lanes pdf(const Lanes &theta_i, const Lanes &phi) const {
+        return per_steradian(density(theta_i, math::nearest_turn(phi)), theta_i);
+    }
+    CUTICLE_INLINE Sample<Lanes> sample(const Lanes &u_lobe, const Lanes &u_theta, const Lanes &u_phi) const {
+        // Scaled by the sum that is reached in this very order, as in Lobes::choose: never into a lobe of weight 0.
+        Lanes total = self().weight(0), below = Lanes(0);
+        for (int k = 1; k < self().count; ++k) total = total + self().weight(k);
+        const Lanes u = u_lobe * total;
+        const auto past = [&](int k) {  // asked for k = 1, 2, ... once each
+            below = k == 1 ? self().weight(0) : below + self().weight(k - 1);
+            return u >= below;
+        };
+        Sample<Lanes> s = draw(self().choose(past), u_theta, u_phi, self().even);
+        s.pdf = sample_per_steradian(density(s.theta_i, s.phi), s.theta_i);
+        return s;
+    }
+
+  private:
+    CUTICLE_INLINE const Mixture &self() const { return static_cast<const Mixture &>(*this); }
+    // In d theta_i d phi, at an azimuth within half a turn of 0.
+    CUTICLE_INLINE Lanes density(const Lanes &theta_i, const Lanes &wrapped) const {
+        const bool even = self().even;
+        const Lanes place = even ? math::abs(wrapped) : wrapped;
+        Lanes total = Lanes(0);
+        for (int k = 0; k < self().count; ++k) total = total + self().lobe(k).density(theta_i, place, even);
+        return total;
+    }
+};
+
 // The lobes of a mixture, made one by one as they are asked for.
-template <class Lanes, int K> struct LaneMixture {
+template <class Lanes, int K> struct LaneMixture : LaneSampler<LaneMixture<Lanes, K>, Lanes> {
     static constexpr int count = K;
     const LobeValues<Lanes, K> &values;
     bool even;
 
+    CUTICLE_INLINE LaneMixture(const LobeValues<Lanes, K> &values_, bool even_) : values(values_), even(even_) {}
     CUTICLE_INLINE LaneLobe<Lanes> lobe(int k) const { return {values, k, even}; }
-    CUTICLE_INLINE Lanes weight(int k) const { return values.weight[k]; }
+    CUTICLE_INLINE const Lanes &weight(int k) const { return values.weight.v[k]; }
     // Its mean and sigma alone wait for the choice.
     template <class Choice> CUTICLE_INLINE ChosenLobe<Lanes> choose(const Choice &past) const {
-        LobeValues<Lanes, 1> chosen;
-        chosen.weight.set(0, values.weight[0]);
-        for (int i = 0; i < 2; ++i) {
-            chosen.mean.set(i, values.mean[i * K]);
-            chosen.sigma.set(i, values.sigma[i * K]);
-        }
+        Lanes mean[2] = {values.mean[0], values.mean[K]}, sigma[2] = {values.sigma[0], values.sigma[K]};
         for (int k = 1; k < K; ++k) {
             const auto mask = past(k);
             for (int i = 0; i < 2; ++i) {
-                chosen.mean.set(i, select(mask, values.mean[i * K + k], chosen.mean[i]));
-                chosen.sigma.set(i, select(mask, values.sigma[i * K + k], chosen.sigma[i]));
+                mean[i] = select(mask, values.mean[i * K + k], mean[i]);
+                sigma[i] = select(mask, values.sigma[i * K + k], sigma[i]);
             }
         }
-        const LaneLobe<Lanes> lobe(chosen, 0, even);
-        return {lobe.theta, lobe.phi};
+        return {theta_normal(mean[0], sigma[0]), phi_normal(mean[1], sigma[1], even)};
     }
 };
 
 // The lobes of one shading point; a blend of two mixtures is one mixture of all their lobes.
-template <class Lanes, class T, int K> struct LanePoint {
+template <class Lanes, class T, int K> struct LanePoint : LaneSampler<LanePoint<Lanes, T, K>, Lanes> {
     LaneLobe<Lanes> lobes[2 * K];
     int count;
     bool even;
@@ -97,46 +132,26 @@ template <class Lanes, class T, int K> struct LanePoint {
     }
 };
 
-// In d theta_i d phi, at an azimuth within half a turn of 0.
-template <class Mixture, class Lanes>
-CUTICLE_INLINE Lanes density(const Mixture &mixture, const Lanes &theta_i, const Lanes &wrapped) {
-    const Lanes place = mixture.even ? math::abs(wrapped) : wrapped;
-    Lanes total = Lanes(0);
-    for (int k = 0; k < mixture.count; ++k) total = total + mixture.lobe(k).density(theta_i, place, mixture.even);
-    return total;
-}
-template <class Mixture, class Lanes>
-CUTICLE_INLINE Lanes lanes_pdf(const Mixture &mixture, const Lanes &theta_i, const Lanes &phi) {
-    return per_steradian(density(mixture, theta_i, math::nearest_turn(phi)), theta_i);
-}
-template <class Mixture, class Lanes>
-CUTICLE_INLINE Sample<Lanes> lanes_sample(const Mixture &mixture, const Lanes &u_lobe, const Lanes &u_theta,
-                                          const Lanes &u_phi) {
-    // Scaled by the sum that is reached in this very order, as in Lobes::choose: never into a lobe of weight 0.
-    Lanes total = mixture.weight(0), below = Lanes(0);
-    for (int k = 1; k < mixture.count; ++k) total = total + mixture.weight(k);
-    const Lanes u = u_lobe * total;
-    const auto past = [&](int k) {  // asked for k = 1, 2, ... once each
-        below = k == 1 ? mixture.weight(0) : below + mixture.weight(k - 1);
-        return u >= below;
-    };
-    Sample<Lanes> s = draw(mixture.choose(past), u_theta, u_phi, mixture.even);
-    s.pdf = sample_per_steradian(density(mixture, s.theta_i, s.phi), s.theta_i);
-    return s;
-}
-
-// The number of strands in each lane, or one for all.
-template <class Lanes, class Count, class T, int K>
-CUTICLE_INLINE Lanes lanes_pdf(const LobeTable<T, K> &table, const Lanes &theta_i, const Lanes &theta_r, const Lanes &phi,
-                               const RowPosition<Count> &rows) {
-    const LobeValues<Lanes, K> values = values_at(table, locate_theta(table, theta_r), rows);
-    return lanes_pdf(LaneMixture<Lanes, K>{values, table.even}, theta_i, phi);
-}
-template <class Lanes, class Count, class T, int K>
-CUTICLE_INLINE Sample<Lanes> lanes_sample(const LobeTable<T, K> &table, const Lanes &theta_r, const Lanes &u_lobe,
-                                          const Lanes &u_theta, const Lanes &u_phi, const RowPosition<Count> &rows) {
-    const LobeValues<Lanes, K> values = values_at(table, locate_theta(table, theta_r), rows);
-    return lanes_sample(LaneMixture<Lanes, K>{values, table.even}, u_lobe, u_theta, u_phi);
+// body(first, how many, mixture at their viewers and numbers of strands) for groups that fill the lanes.
+template <class T, int K, class Body>
+CUTICLE_INLINE void each_group(const LobeTable<T, K> &table, std::size_t count, const T *theta_r, const T *strands,
+                               bool each, const Body &body) {
+    using Lanes = BatchLanes<T>;
+    const RowPosition<T> all = locate_row(table, each ? T(0) : strands[0]);
+    if (!each && !is_blended(table, all) && OneRow<T, K>::serves(table, count)) {
+        const OneRow<T, K> row(table, all);
+        return groups<Lanes>(count, [&](std::size_t i, int n) {
+            const LobeValues<Lanes, K> values = row(locate_theta(table, read<Lanes>(theta_r + i, n)));
+            body(i, n, LaneMixture<Lanes, K>(values, table.even));
+        });
+    }
+    groups<Lanes>(count, [&](std::size_t i, int n) {
+        const ThetaPosition<Lanes> at = locate_theta(table, read<Lanes>(theta_r + i, n));
+        const RowPosition<Lanes> rows = locate_row(table, each ? read<Lanes>(strands + i, n) : Lanes(strands[0]));
+        if (is_blended(table, rows)) return body(i, n, prepare_blended(table, at, rows));
+        const LobeValues<Lanes, K> values = values_at(table, at, rows);
+        body(i, n, LaneMixture<Lanes, K>(values, table.even));
+    });
 }
 
 }  // namespace detail
@@ -147,16 +162,9 @@ void pdf_batch(const LobeTable<T, K> &table, std::size_t count, const T *theta_i
                const T *strands, bool each, T *out) {
     if constexpr (CUTICLE_NATIVE_PACK && std::is_same_v<T, float>) {
         using Lanes = BatchLanes<T>;
-        const RowPosition<T> all = locate_row(table, each ? T(0) : strands[0]);
-        const bool plain = !each && !is_blended(table, all);
-        detail::groups<Lanes>(count, [&](std::size_t i, int n) {
+        detail::each_group(table, count, theta_r, strands, each, [&](std::size_t i, int n, const auto &mixture) {
             const auto get = [&](const T *from) { return detail::read<Lanes>(from + i, n); };
-            const Lanes ti = get(theta_i), tr = get(theta_r), ph = get(phi);
-            if (plain) return detail::write(detail::lanes_pdf(table, ti, tr, ph, all), out + i, n);
-            const RowPosition<Lanes> rows = locate_row(table, each ? get(strands) : Lanes(strands[0]));
-            if (is_blended(table, rows))
-                detail::write(prepare_blended(table, locate_theta(table, tr), rows).pdf(ti, ph), out + i, n);
-            else detail::write(detail::lanes_pdf(table, ti, tr, ph, rows), out + i, n);
+            detail::write(mixture.pdf(get(theta_i), get(phi)), out + i, n);
         });
     } else {
         for (std::size_t i = 0; i < count; ++i)
@@ -170,20 +178,12 @@ void sample_batch(const LobeTable<T, K> &table, std::size_t count, const T *thet
                   const T *u_phi, const T *strands, bool each, T *theta_i, T *phi, T *density) {
     if constexpr (CUTICLE_NATIVE_PACK && std::is_same_v<T, float>) {
         using Lanes = BatchLanes<T>;
-        const RowPosition<T> all = locate_row(table, each ? T(0) : strands[0]);
-        const bool plain = !each && !is_blended(table, all);
-        detail::groups<Lanes>(count, [&](std::size_t i, int n) {
+        detail::each_group(table, count, theta_r, strands, each, [&](std::size_t i, int n, const auto &mixture) {
             const auto get = [&](const T *from) { return detail::read<Lanes>(from + i, n); };
-            const auto put = [&](const Sample<Lanes> &s) {
-                detail::write(s.theta_i, theta_i + i, n);
-                detail::write(s.phi, phi + i, n);
-                detail::write(s.pdf, density + i, n);
-            };
-            const Lanes tr = get(theta_r), u = get(u_lobe), v = get(u_theta), w = get(u_phi);
-            if (plain) return put(detail::lanes_sample(table, tr, u, v, w, all));
-            const RowPosition<Lanes> rows = locate_row(table, each ? get(strands) : Lanes(strands[0]));
-            if (is_blended(table, rows)) put(prepare_blended(table, locate_theta(table, tr), rows).sample(u, v, w));
-            else put(detail::lanes_sample(table, tr, u, v, w, rows));
+            const Sample<Lanes> s = mixture.sample(get(u_lobe), get(u_theta), get(u_phi));
+            detail::write(s.theta_i, theta_i + i, n);
+            detail::write(s.phi, phi + i, n);
+            detail::write(s.pdf, density + i, n);
         });
     } else {
         for (std::size_t i = 0; i < count; ++i) {
@@ -201,7 +201,7 @@ void pdf_batch(const PreparedSampler<T, K> &sampler, std::size_t count, const T 
         const detail::LanePoint<Lanes, T, K> point(sampler);
         detail::groups<Lanes>(count, [&](std::size_t i, int n) {
             const auto get = [&](const T *from) { return detail::read<Lanes>(from + i, n); };
-            detail::write(detail::lanes_pdf(point, get(theta_i), get(phi)), out + i, n);
+            detail::write(point.pdf(get(theta_i), get(phi)), out + i, n);
         });
     } else {
         for (std::size_t i = 0; i < count; ++i) out[i] = sampler.pdf(theta_i[i], phi[i]);
@@ -216,7 +216,7 @@ void sample_batch(const PreparedSampler<T, K> &sampler, std::size_t count, const
         const detail::LanePoint<Lanes, T, K> point(sampler);
         detail::groups<Lanes>(count, [&](std::size_t i, int n) {
             const auto get = [&](const T *from) { return detail::read<Lanes>(from + i, n); };
-            const Sample<Lanes> s = detail::lanes_sample(point, get(u_lobe), get(u_theta), get(u_phi));
+            const Sample<Lanes> s = point.sample(get(u_lobe), get(u_theta), get(u_phi));
             detail::write(s.theta_i, theta_i + i, n);
             detail::write(s.phi, phi + i, n);
             detail::write(s.pdf, density + i, n);

@@ -9,31 +9,16 @@
 
 namespace cuticle {
 
-// Lane by lane.
 #define CUTICLE_INDEX_BINARY(op)                                                                             \
     template <int N> CUTICLE_INLINE PackIndex<N> operator op(const PackIndex<N> &a, const PackIndex<N> &b) { \
         PackIndex<N> r;                                                                                      \
-        for (int i = 0; i < N; ++i) r.v[i] = a.v[i] op b.v[i];                                               \
+        for (int i = 0; i < N; i += r.width) r.put(i, a.chunk(i) op b.chunk(i));                             \
         return r;                                                                                            \
     }
 CUTICLE_INDEX_BINARY(+)
 CUTICLE_INDEX_BINARY(*)
 #undef CUTICLE_INDEX_BINARY
 
-template <int N> struct PackIndexMask {
-    bool m[N];
-};
-template <int N> CUTICLE_INLINE PackIndexMask<N> operator<(const PackIndex<N> &a, const PackIndex<N> &b) {
-    PackIndexMask<N> r;
-    for (int i = 0; i < N; ++i) r.m[i] = a.v[i] < b.v[i];
-    return r;
-}
-template <int N>
-CUTICLE_INLINE PackIndex<N> select(const PackIndexMask<N> &mask, const PackIndex<N> &a, const PackIndex<N> &b) {
-    PackIndex<N> r;
-    for (int i = 0; i < N; ++i) r.v[i] = mask.m[i] ? a.v[i] : b.v[i];
-    return r;
-}
 template <class T, int N, int B>
 CUTICLE_INLINE PackIndex<N> select(const PackMask<T, N, B> &mask, const PackIndex<N> &a, const PackIndex<N> &b) {
     PackIndex<N> r;
@@ -41,57 +26,52 @@ CUTICLE_INLINE PackIndex<N> select(const PackMask<T, N, B> &mask, const PackInde
     return r;
 }
 
+namespace detail {
+// The i-th of lanes' parameters, as they lie in the table.
+template <class Lanes, int K> CUTICLE_INLINE Lanes &parameter(LobeValues<Lanes, K> &values, int i) {
+    return i < K ? values.weight.v[i] : i < 3 * K ? values.mean.v[i - K] : values.sigma.v[i - 3 * K];
+}
+}  // namespace detail
+
 #if CUTICLE_NATIVE_SHUFFLE
 namespace detail {
 
-// Four floats of each of eight nodes and of the nodes after them, interpolated, then turned over: the j-th of every lane
-// becomes out[j]. Lanes k and k + 4 share a vector, so that turning over never crosses its halves.
-using Eight = NativeChunk<8>::Single;
-CUTICLE_INLINE void interpolate_quads(const float *data, const std::int32_t *first, int next, const Eight (&t)[4],
-                                      Eight (&out)[4]) {
-    using Four = NativeChunk<4>::Single;
-    const auto pair = [&](int k, int from, Eight &both) {
-        Four a, b;
-        std::memcpy(&a, data + first[k] + from, sizeof a);
-        std::memcpy(&b, data + first[k + 4] + from, sizeof b);
-        both = __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7);
-    };
-    Eight r[4];
-    for (int k = 0; k < 4; ++k) {
-        Eight a, b;
-        pair(k, 0, a);
-        pair(k, next, b);
-        r[k] = a + t[k] * (b - a);
+// A quarter a lane: floats of the table, or parts of lanes.
+template <int L> using Quads = typename NativeChunk<L>::Single;
+
+// Four floats of each of the lanes 0, 4, 8, 12.
+template <int L> CUTICLE_INLINE Quads<L> read_quads(const float *data, const std::int32_t *first) {
+    if constexpr (L == 4) {
+        Quads<4> r;
+        std::memcpy(&r, data + *first, sizeof r);
+        return r;
+    } else {
+        const Quads<L / 2> a = read_quads<L / 2>(data, first), b = read_quads<L / 2>(data, first + L / 2);
+#if defined(__AVX__) && !defined(__clang__)  // GCC makes a shuffle of what is one load
+        if constexpr (L == 8)
+            return __builtin_ia32_vinsertf128_ps256(__builtin_shufflevector(a, a, 0, 1, 2, 3, -1, -1, -1, -1), b, 1);
+#endif
+        return join_chunks(a, b, std::make_integer_sequence<int, L>());
     }
-    const Eight low01 = __builtin_shufflevector(r[0], r[1], 0, 8, 1, 9, 4, 12, 5, 13);
-    const Eight high01 = __builtin_shufflevector(r[0], r[1], 2, 10, 3, 11, 6, 14, 7, 15);
-    const Eight low23 = __builtin_shufflevector(r[2], r[3], 0, 8, 1, 9, 4, 12, 5, 13);
-    const Eight high23 = __builtin_shufflevector(r[2], r[3], 2, 10, 3, 11, 6, 14, 7, 15);
-    out[0] = __builtin_shufflevector(low01, low23, 0, 1, 8, 9, 4, 5, 12, 13);
-    out[1] = __builtin_shufflevector(low01, low23, 2, 3, 10, 11, 6, 7, 14, 15);
-    out[2] = __builtin_shufflevector(high01, high23, 0, 1, 8, 9, 4, 5, 12, 13);
-    out[3] = __builtin_shufflevector(high01, high23, 2, 3, 10, 11, 6, 7, 14, 15);
 }
 
-// Eights as lanes and back.
-template <class Lanes, int Count> CUTICLE_INLINE Lanes from_eights(const Eight (&x)[Count][4], int j) {
-    Lanes r;
-    if constexpr (Lanes::width == 16)
-        for (int c = 0; c < Lanes::chunks; ++c)
-            r.v[c] =
-                __builtin_shufflevector(x[2 * c][j], x[2 * c + 1][j], 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
-    else
-        for (int c = 0; c < Lanes::chunks; ++c) r.v[c] = x[c][j];
-    return r;
+// The same four picked in every quarter; 4 and more are b's.
+template <int P0, int P1, int P2, int P3, class V, int... I>
+CUTICLE_INLINE V pick(const V &a, const V &b, std::integer_sequence<int, I...>) {
+    constexpr int from[4] = {P0, P1, P2, P3}, width = sizeof...(I);
+    return __builtin_shufflevector(a, b, (from[I % 4] % 4 + from[I % 4] / 4 * width + I / 4 * 4)...);
 }
-template <class Lanes> CUTICLE_INLINE void to_eight(const Lanes &x, int c, Eight &r) {
-    if constexpr (Lanes::width == 16) {
-        const auto &v = x.v[c / 2];
-        if (c % 2 == 0) r = __builtin_shufflevector(v, v, 0, 1, 2, 3, 4, 5, 6, 7);
-        else r = __builtin_shufflevector(v, v, 8, 9, 10, 11, 12, 13, 14, 15);
-    } else {
-        r = x.v[c];
-    }
+
+// Turned over: the j-th float of every lane becomes out[j]. Lanes k, k + 4, ... share a vector, so that nothing crosses its
+// quarters.
+template <int L> CUTICLE_INLINE void turn_over(const Quads<L> (&r)[4], Quads<L> (&out)[4]) {
+    constexpr std::make_integer_sequence<int, L> all;
+    const auto low01 = pick<0, 4, 1, 5>(r[0], r[1], all), high01 = pick<2, 6, 3, 7>(r[0], r[1], all);
+    const auto low23 = pick<0, 4, 1, 5>(r[2], r[3], all), high23 = pick<2, 6, 3, 7>(r[2], r[3], all);
+    out[0] = pick<0, 1, 4, 5>(low01, low23, all);
+    out[1] = pick<2, 3, 6, 7>(low01, low23, all);
+    out[2] = pick<0, 1, 4, 5>(high01, high23, all);
+    out[3] = pick<2, 3, 6, 7>(high01, high23, all);
 }
 
 }  // namespace detail
@@ -102,23 +82,23 @@ template <class T, int W, int B, int K>
 CUTICLE_INLINE bool interpolate_lanes(const T *data, const PackIndex<W> &first, const Pack<T, W, B> &t,
                                       LobeValues<Pack<T, W, B>, K> &out) {
 #if CUTICLE_NATIVE_SHUFFLE
-    using Lanes = Pack<T, W, B>;
-    if constexpr (std::is_same_v<T, float> && (Lanes::width == 8 || Lanes::width == 16) && K % 4 == 0) {
-        constexpr int eights = W / 8;
-        detail::Eight pairs[eights][4], quads[eights][4];
-        for (int c = 0; c < eights; ++c) {
-            detail::Eight s;
-            detail::to_eight(t, c, s);
-            pairs[c][0] = __builtin_shufflevector(s, s, 0, 0, 0, 0, 4, 4, 4, 4);
-            pairs[c][1] = __builtin_shufflevector(s, s, 1, 1, 1, 1, 5, 5, 5, 5);
-            pairs[c][2] = __builtin_shufflevector(s, s, 2, 2, 2, 2, 6, 6, 6, 6);
-            pairs[c][3] = __builtin_shufflevector(s, s, 3, 3, 3, 3, 7, 7, 7, 7);
-        }
-        for (int k = 0; k < lobe_parameters * K; k += 4) {
-            for (int c = 0; c < eights; ++c)
-                detail::interpolate_quads(data + k, first.v + 8 * c, lobe_parameters * K, pairs[c], quads[c]);
-            auto *to = k < K ? out.weight.v + k : k < 3 * K ? out.mean.v + (k - K) : out.sigma.v + (k - 3 * K);
-            for (int j = 0; j < 4; ++j) to[j] = detail::from_eights<Lanes>(quads, j);
+    if constexpr (std::is_same_v<T, float> && (W == 4 || W == 8 || W == 16) && Pack<T, W, B>::chunks == 1 && K % 4 == 0) {
+        constexpr std::make_integer_sequence<int, W> all;
+        constexpr int size = lobe_parameters * K;
+        const auto &s = t.v[0];
+        const detail::Quads<W> share[4] = {detail::pick<0, 0, 0, 0>(s, s, all), detail::pick<1, 1, 1, 1>(s, s, all),
+                                           detail::pick<2, 2, 2, 2>(s, s, all), detail::pick<3, 3, 3, 3>(s, s, all)};
+        detail::Quads<W> r[size / 4][4], turned[4];
+#pragma GCC unroll 4
+        for (int k = 0; k < 4; ++k)  // a lane's numbers lie side by side
+#pragma GCC unroll 8
+            for (int q = 0; q < size / 4; ++q) {
+                const auto a = detail::read_quads<W>(data + 4 * q, first.v + k);
+                r[q][k] = a + share[k] * (detail::read_quads<W>(data + size + 4 * q, first.v + k) - a);
+            }
+        for (int q = 0; q < size / 4; ++q) {
+            detail::turn_over<W>(r[q], turned);
+            for (int j = 0; j < 4; ++j) detail::parameter(out, 4 * q + j).v[0] = turned[j];
         }
         return true;
     }
@@ -127,12 +107,73 @@ CUTICLE_INLINE bool interpolate_lanes(const T *data, const PackIndex<W> &first, 
     return false;
 }
 
-// Lanes that go side by side: eight floats, or the sixteen of a vector of AVX-512.
-#if defined(__AVX512F__)
-template <class T> using BatchLanes = Pack<T, 16, 64>;
+// Lanes that go side by side: as many floats as a vector holds.
+template <class T> using BatchLanes = Pack<T, CUTICLE_VECTOR_BYTES / 4, CUTICLE_VECTOR_BYTES>;
+
+namespace detail {
+
+// The lobes' parameters at the lanes' viewers where one number of strands, which blends no two rows, serves all of them.
+#if CUTICLE_NATIVE_PACK && defined(__AVX512F__)
+// Values and slopes of each parameter over the nodes lie in two vectors, of which all lanes read by one permutation.
+template <class T, int K> struct OneRow {
+    using Lanes = BatchLanes<T>;
+    using Vector = typename Lanes::Chunk;
+    using Nodes = typename Chunk<std::int32_t, 16>::type;
+    static constexpr int most_nodes = 32, size = lobe_parameters * K;
+    Vector value[size][2], slope[size][2];
+
+    // Making it takes as long as some fifty directions.
+    static bool serves(const LobeTable<T, K> &table, std::size_t count) {
+        return table.theta_nodes <= most_nodes && count >= 256;
+    }
+    OneRow(const LobeTable<T, K> &table, const RowPosition<T> &rows) {
+        const std::ptrdiff_t row = std::ptrdiff_t(table.theta_nodes) * size;
+        const T *low = table.nodes + rows.row * row, *high = table.rows > 1 ? low + row : low;
+        for (int p = 0; p < size; ++p) {
+            T v[most_nodes] = {}, d[most_nodes] = {};
+            for (int i = 0; i < table.theta_nodes; ++i) {
+                const T a = low[i * size + p], b = high[i * size + p];
+                v[i] = a + rows.s * (b - a);
+            }
+            for (int i = 0; i + 1 < table.theta_nodes; ++i) d[i] = v[i + 1] - v[i];
+            std::memcpy(value[p], v, sizeof v);
+            std::memcpy(slope[p], d, sizeof d);
+        }
+    }
+    CUTICLE_INLINE LobeValues<Lanes, K> operator()(const ThetaPosition<Lanes> &at) const {
+        const Nodes node = at.node.chunk(0);
+        LobeValues<Lanes, K> out;
+#pragma GCC unroll 80
+        for (int p = 0; p < size; ++p)
+            parameter(out, p).v[0] =
+                permute(value[p][0], value[p][1], node) + at.t.v[0] * permute(slope[p][0], slope[p][1], node);
+        return out;
+    }
+
+  private:
+    CUTICLE_INLINE static Vector permute(const Vector &a, const Vector &b, const Nodes &index) {
+#if defined(__clang__)
+        return __builtin_ia32_vpermi2varps512(a, index, b);
 #else
-template <class T> using BatchLanes = Pack<T, 8>;
+        return __builtin_shuffle(a, b, index);
 #endif
+    }
+};
+#else
+template <class T, int K> struct OneRow {
+    using Lanes = BatchLanes<T>;
+    const LobeTable<T, K> &table;
+    RowPosition<T> rows;
+
+    static bool serves(const LobeTable<T, K> &, std::size_t) { return true; }
+    OneRow(const LobeTable<T, K> &table_, const RowPosition<T> &rows_) : table(table_), rows(rows_) {}
+    CUTICLE_INLINE LobeValues<Lanes, K> operator()(const ThetaPosition<Lanes> &at) const {
+        return values_at(table, at, rows);
+    }
+};
+#endif
+
+}  // namespace detail
 
 namespace detail {
 

@@ -21,6 +21,15 @@
 #endif
 #endif
 
+// The widest vectors of the machine compiled for. Wider ones the compiler takes apart, GCC number by number.
+#if defined(__AVX512F__)
+#define CUTICLE_VECTOR_BYTES 64
+#elif defined(__AVX__)
+#define CUTICLE_VECTOR_BYTES 32
+#else
+#define CUTICLE_VECTOR_BYTES 16
+#endif
+
 namespace cuticle {
 namespace detail {
 
@@ -53,6 +62,10 @@ CUTICLE_CHUNK(float, Single, 8)
 CUTICLE_CHUNK(float, Single, 16)
 CUTICLE_CHUNK(double, Double, 2)
 CUTICLE_CHUNK(double, Double, 4)
+CUTICLE_CHUNK(std::int32_t, Integer, 2)
+CUTICLE_CHUNK(std::int32_t, Integer, 4)
+CUTICLE_CHUNK(std::int32_t, Integer, 8)
+CUTICLE_CHUNK(std::int32_t, Integer, 16)
 #undef CUTICLE_CHUNK
 #endif
 
@@ -69,8 +82,8 @@ template <int First, class V, int... I> CUTICLE_INLINE auto half_chunk(const V &
 
 template <int N> struct PackIndex;
 
-// B: bytes of its widest vectors. 32 suits lobes side by side, which are joined, halved and summed.
-template <class T, int N, int B = 32> struct Pack {
+// B: bytes of its widest vectors. No more than 32 suit lobes side by side, which are joined, halved and summed.
+template <class T, int N, int B = CUTICLE_VECTOR_BYTES < 32 ? CUTICLE_VECTOR_BYTES : 32> struct Pack {
     static constexpr int width = detail::chunk_width<T, N, B>(), chunks = N / width;
     using Chunk = typename detail::Chunk<T, width>::type;
     Chunk v[chunks];
@@ -116,14 +129,22 @@ template <class T, int N, int B> struct PackMask {
 
 template <class T, int N, int B> inline constexpr bool is_pack<Pack<T, N, B>> = true;
 
-// Integers side by side: where lanes read a table.
+// Integers side by side: where lanes read a table. Worked on by whole chunks: what is written in parts and read whole waits.
 template <int N> struct PackIndex {
+    static constexpr int width = detail::chunk_width<std::int32_t, N, CUTICLE_VECTOR_BYTES>();
+    using Chunk = typename detail::Chunk<std::int32_t, width>::type;
     std::int32_t v[N];
 
     PackIndex() = default;
     CUTICLE_INLINE explicit PackIndex(int x) {
-        for (std::int32_t &i : v) i = x;
+        for (int i = 0; i < N; i += width) put(i, x - Chunk{});
     }
+    CUTICLE_INLINE Chunk chunk(int first) const {
+        Chunk x;
+        std::memcpy(&x, v + first, sizeof x);
+        return x;
+    }
+    CUTICLE_INLINE void put(int first, const Chunk &x) { std::memcpy(v + first, &x, sizeof x); }
 };
 
 // As a type of its own: what each lane does on its own.
@@ -187,7 +208,9 @@ CUTICLE_PACK_COMPARE(>=)
 #undef CUTICLE_PACK_COMPARE
 
 template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> operator-(const Pack<T, N, B> &a) {
-    return Pack<T, N, B>(T(0)) - a;
+    Pack<T, N, B> r;
+    for (int i = 0; i < Pack<T, N, B>::chunks; ++i) r.v[i] = -a.v[i];
+    return r;
 }
 
 template <class T, int N, int B>

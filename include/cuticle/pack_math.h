@@ -11,19 +11,21 @@ namespace detail {
 template <class V> CUTICLE_INLINE V chunk_max(const V &a, const V &b) { return a < b ? b : a; }
 template <class V> CUTICLE_INLINE V chunk_min(const V &a, const V &b) { return b < a ? b : a; }
 // GCC makes a comparison and a choice of what is one instruction.
-#if CUTICLE_NATIVE_PACK && !defined(__clang__) && defined(__AVX__)
+#if CUTICLE_NATIVE_PACK && !defined(__clang__) && defined(__SSE2__)
 CUTICLE_INLINE auto chunk_max(const NativeChunk<4>::Single &a, const NativeChunk<4>::Single &b) {
     return __builtin_ia32_maxps(b, a);
 }
 CUTICLE_INLINE auto chunk_min(const NativeChunk<4>::Single &a, const NativeChunk<4>::Single &b) {
     return __builtin_ia32_minps(b, a);
 }
+#if defined(__AVX__)
 CUTICLE_INLINE auto chunk_max(const NativeChunk<8>::Single &a, const NativeChunk<8>::Single &b) {
     return __builtin_ia32_maxps256(b, a);
 }
 CUTICLE_INLINE auto chunk_min(const NativeChunk<8>::Single &a, const NativeChunk<8>::Single &b) {
     return __builtin_ia32_minps256(b, a);
 }
+#endif
 #if defined(__AVX512F__)
 CUTICLE_INLINE auto chunk_max(const NativeChunk<16>::Single &a, const NativeChunk<16>::Single &b) {
     return __builtin_ia32_maxps512_mask(b, a, a, -1, 4);

@@ -71,7 +71,7 @@ CUTICLE_INLINE ThetaPosition<Float> locate_theta(const LobeTable<Scalar, K, Memo
     const Float last = Float(table.theta_nodes - 1);
     // In this order what is no number reads the first node, and stays none by its fraction.
     const Float x = math::min(math::max(Float(0), Float((theta_r * Float(1 / pi<double>) + Float(.5)) * last)), last);
-    const Index node = math::min(ArrayTraits<Float>::to_index(x), Index(table.theta_nodes - 2));
+    const Index node = ArrayTraits<Float>::to_index(math::min(x, Float(table.theta_nodes - 2)));
     return {node, Float((x - Float(node)) + Float(0) * theta_r)};
 }
 
@@ -162,11 +162,12 @@ CUTICLE_INLINE LobeValues<Float, K> values_at(const LobeTable<Scalar, K, Memory>
                                               const RowPosition<Count> &rows) {
     using Traits = ArrayTraits<Count>;
     using Index = typename ArrayTraits<Float>::Index;
+    using Row = typename Traits::Index;
     const bool on_lower = !Traits::any(rows.s > Count(0)), on_upper = !Traits::any(rows.s < Count(1));
-    const Index row = Index(rows.row), next = row + Index(1);
-    const LobeValues<Float, K> values = interpolate_theta(table, on_upper ? next : row, at);
+    const Row next = rows.row + Row(1);
+    const LobeValues<Float, K> values = interpolate_theta(table, Index(on_upper ? next : rows.row), at);
     if (table.rows == 1 || on_lower || on_upper) return values;
-    return values.mix(Float(rows.s), interpolate_theta(table, next, at));
+    return values.mix(Float(rows.s), interpolate_theta(table, Index(next), at));
 }
 
 template <class Float, class Count, class Scalar, int K, class Memory>
