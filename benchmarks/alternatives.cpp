@@ -114,6 +114,25 @@ void add_fitted(std::vector<Case> &cases, const Lobes &l, Inputs<float> &f, Inpu
                          return double(f.out[0][7]);
                      },
                      {}});
+    if (l.rows > 1) {  // a number of strands each, whole ones from 0 to 8
+        std::vector<float> counts(f.u[3]);
+        for (float &n : counts) n = std::floor(9 * n);
+        cases.push_back({name + " each pdf",
+                         [&f, table, counts] {
+                             cuticle::pdf_batch(table, inputs, f.theta_i.data(), f.theta_r.data(), f.phi.data(),
+                                                counts.data(), true, f.out[0].data());
+                             return double(f.out[0][7]);
+                         },
+                         {}});
+        cases.push_back({name + " each sample",
+                         [&f, table, counts] {
+                             cuticle::sample_batch(table, inputs, f.theta_r.data(), f.u[0].data(), f.u[1].data(),
+                                                   f.u[2].data(), counts.data(), true, f.out[0].data(), f.out[1].data(),
+                                                   f.out[2].data());
+                             return double(f.out[0][7]);
+                         },
+                         {}});
+    }
     // One viewer for all directions: lights around one shading point.
     cases.push_back({name + " prepared pdf",
                      [&f, table, strands] {

@@ -3,8 +3,9 @@
 The scattering function is one strand's (`cuticle.Marschner`): energy-conserving for brown, blond and black, Gaussian for the
 document fibre, as its preset has it. Beside lobes: the uniform sphere; the function's own lobes after d'Eon, Marschner and
 Hanika 2013 (benchmarks/alternatives.h); a table of 64 × 128 cells of theta_i and |phi| for each of 25 viewers, the densities
-of two viewers mixed. Costs are medians of interleaved rounds on one thread (g++ -O3 -march=native) in calibration kernels,
-16 expf calls, timed in the same rounds. Whether the alternatives draw what their pdf says is checked as well.
+of two viewers mixed. Costs are medians of interleaved rounds on one thread (g++ -O3 -march=native, if not told) in
+calibration kernels, 16 expf calls, timed in the same rounds. Whether the alternatives draw what their pdf says is checked as
+well.
 """
 
 from __future__ import annotations
@@ -110,7 +111,7 @@ def integral(density: Compiled) -> float:
     return float((p * function).sum() * np.pi / 2000 * 2 * np.pi / 1000)
 
 
-def run(name: str, rounds: int) -> dict[str, object]:
+def run(name: str, rounds: int, march: str) -> dict[str, object]:
     model = single(name)
     fits = {k: cuticle.fit(model, k) for k in LOBES}
     samplers = [f.sampler for f in fits.values()]
@@ -120,7 +121,7 @@ def run(name: str, rounds: int) -> dict[str, object]:
         sys.exit("this needs a C++ compiler; set CXX")
     with tempfile.TemporaryDirectory() as folder:
         program, data = Path(folder) / "alternatives", Path(folder) / "input"
-        flags = ["-std=c++17", "-O3", "-march=native", f"-I{ROOT / 'include'}"]
+        flags = ["-std=c++17", "-O3", f"-march={march}", f"-I{ROOT / 'include'}"]
         subprocess.run([compiler, *flags, str(ROOT / "benchmarks/alternatives.cpp"), "-o", str(program)], check=True)
         memory = write_input(data, model, [*samplers, dual])
         done = subprocess.run([str(program), str(data), "time", str(rounds)], check=True, capture_output=True, text=True)
@@ -170,6 +171,8 @@ def tell_costs(costs: dict[str, float]) -> None:
     for name in (*(f"K={k}" for k in LOBES), "K=4, n=2"):
         table.add_row(name, *(f"{costs[f'{name} {c}'] / unit:.2f}" for c in columns))
     out.print(table)
+    each = [costs[f"K=4, n=2 each {what}"] / unit for what in ("pdf", "sample")]
+    out.print(f"K=4, batch with 0 to 8 strands, a number each: pdf {each[0]:.2f}, sample {each[1]:.2f}")
 
 
 def picture(results: list[dict[str, object]], path: Path) -> None:
@@ -222,9 +225,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--fibres", default="document,brown,blond,black", help="presets, with commas between")
     parser.add_argument("--rounds", type=int, default=201)
+    parser.add_argument("--march", default="native", help="the compiler's -march, x86-64 for what runs on all of them")
     parser.add_argument("--picture", type=Path, help="also draw the results there")
     arguments = parser.parse_args()
-    results = [run(name, arguments.rounds) for name in arguments.fibres.split(",")]
+    results = [run(name, arguments.rounds, arguments.march) for name in arguments.fibres.split(",")]
     for result in results:
         tell(result)
     tell_costs(results[0]["costs"])

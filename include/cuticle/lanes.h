@@ -21,8 +21,14 @@ CUTICLE_INDEX_BINARY(*)
 
 template <class T, int N, int B>
 CUTICLE_INLINE PackIndex<N> select(const PackMask<T, N, B> &mask, const PackIndex<N> &a, const PackIndex<N> &b) {
+    constexpr int width = Pack<T, N, B>::width;
     PackIndex<N> r;
-    for (int i = 0; i < N; ++i) r.v[i] = mask.m[i / Pack<T, N, B>::width][i % Pack<T, N, B>::width] ? a.v[i] : b.v[i];
+    if constexpr (width > 1 && width == PackIndex<N>::width && sizeof(T) == sizeof(std::int32_t))
+        for (int i = 0; i < N; i += width) r.put(i, mask.m[i / width] ? a.chunk(i) : b.chunk(i));
+    else if constexpr (width > 1)
+        for (int i = 0; i < N; ++i) r.v[i] = mask.m[i / width][i % width] ? a.v[i] : b.v[i];
+    else
+        for (int i = 0; i < N; ++i) r.v[i] = mask.m[i] ? a.v[i] : b.v[i];
     return r;
 }
 

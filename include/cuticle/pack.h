@@ -67,6 +67,19 @@ CUTICLE_CHUNK(std::int32_t, Integer, 4)
 CUTICLE_CHUNK(std::int32_t, Integer, 8)
 CUTICLE_CHUNK(std::int32_t, Integer, 16)
 #undef CUTICLE_CHUNK
+
+// By halves, down to a machine's words.
+template <class V> CUTICLE_INLINE bool any_bit(const V &x) {
+    if constexpr (sizeof(V) > 16) {
+        typename NativeChunk<sizeof(V) / 8>::Integer half[2];
+        std::memcpy(half, &x, sizeof x);
+        return any_bit(half[0] | half[1]);
+    } else {
+        std::uint64_t words[(sizeof(V) + 7) / 8] = {};
+        std::memcpy(words, &x, sizeof x);
+        return (words[0] | words[sizeof(V) / 16]) != 0;
+    }
+}
 #endif
 
 #if CUTICLE_NATIVE_SHUFFLE
@@ -174,9 +187,11 @@ template <class T, int N, int B> struct ArrayTraits<Pack<T, N, B>> {
     static CUTICLE_INLINE bool any(const PackMask<T, N, B> &mask) {
         bool found = false;
         for (const auto &chunk : mask.m)
-            if constexpr (Pack<T, N, B>::width > 1)
-                for (int i = 0; i < Pack<T, N, B>::width; ++i) found |= chunk[i] != 0;
-            else found |= ArrayTraits<T>::any(chunk);
+#if CUTICLE_NATIVE_PACK
+            if constexpr (Pack<T, N, B>::width > 1) found |= detail::any_bit(chunk);
+            else
+#endif
+                found |= ArrayTraits<T>::any(chunk);
         return found;
     }
 };
