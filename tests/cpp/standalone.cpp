@@ -83,7 +83,7 @@ int approximations() {
         log = std::fmax(log, std::fabs(double(cuticle::math::log(x)) - exact) / std::fmax(std::fabs(exact), 1.));
     }
     std::printf("relative error: decay %.2g, erf %.2g, log %.2g\n", decay, erf, log);
-    return !(decay <= 3e-7) + !(erf <= 5e-7) + !(log <= 2e-7);
+    return !(decay <= 3e-7) + !(erf <= 4e-7) + !(log <= 2e-7);
 }
 
 }  // namespace
