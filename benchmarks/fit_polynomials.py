@@ -1,13 +1,16 @@
 """Print the single-precision approximations of include/cuticle/math.h: minimax in relative error.
 
-erf as x P(x²)/Q(x²) on |x| ≤ 4, exp on ±½ ln 2, log as r P(r) with r = m - 1 for m from √½ to √2, and sin on [0, pi/2],
-each by linear least squares, reweighted where the error is largest.
+erf as x P(x²)/Q(x²) on |x| ≤ 3.7, exp on ±½ ln 2, log as r P(r) with r = m - 1 for m from √½ to √2, and sin on [0, pi/2],
+each by least squares, reweighted where the error is largest.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.polynomial.chebyshev import cheb2poly, chebvander
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 from scipy.special import erf
 
 Array = NDArray[np.float64]
@@ -26,25 +29,51 @@ def minimax(columns: Array, y: Array, rounds: int = 400) -> tuple[float, Array]:
     return best
 
 
-def rational_erf(limit: float = 4.0, degree: int = 5, rounds: int = 400) -> tuple[float, Array, Array]:
-    """Return the largest relative error, P and Q, lowest degree first; Q's own size reweights each round."""
-    x = limit * np.cos(np.linspace(0, np.pi / 2, 4001))[:-1]
+def rational_erf(limit: float = 3.7, over: int = 4, under: int = 5, rounds: int = 200) -> tuple[float, Array, Array]:
+    """Return the largest relative error, P and Q of degrees `over` and `under`, lowest first.
+
+    In Chebyshev's polynomials of x², by nonlinear least squares, reweighted where the error is largest: the linear form of a
+    rational fit stops at ten times the error.
+    """
+    x = limit * np.cos(np.linspace(0, np.pi / 2, 3001))[:-1]
     x = x[x > 1e-4]
-    y, powers = erf(x), ((x / limit) ** 2)[:, None] ** np.arange(degree + 1)
-    weight, denominator = np.ones_like(x), np.ones_like(x)
-    best = (np.inf, np.empty(0), np.empty(0))
+    y, t = erf(x) / x, 2 * (x / limit) ** 2 - 1
+    tops, bottoms = chebvander(t, over), chebvander(t, under)[:, 1:]
+    top = slice(over + 1)
+
+    def split(c: Array) -> tuple[Array, Array]:
+        return tops @ c[top], 1 + bottoms @ c[over + 1 :]
+
+    denominator = np.ones_like(x)
+    for _ in range(30):
+        columns = np.hstack([tops, -y[:, None] * bottoms]) / (denominator * y)[:, None]
+        c = np.linalg.lstsq(columns, 1 / denominator, rcond=None)[0]
+        denominator = split(c)[1]
+    weight, best = np.ones_like(x), (np.inf, c)
     for _ in range(rounds):
-        columns = np.hstack([x[:, None] * powers, -y[:, None] * powers[:, 1:]]) * (weight / denominator)[:, None]
-        c = np.linalg.lstsq(columns, y * weight / denominator, rcond=None)[0]
-        p, q = c[: degree + 1], np.concatenate([[1.0], c[degree + 1 :]])
-        denominator = powers @ q
-        error = np.abs((x * (powers @ p) / denominator - y) / y)
+
+        def residual(c: Array, root: Array) -> Array:
+            p, q = split(c)
+            return 1e6 * root * (p / (q * y) - 1)
+
+        def slope(c: Array, root: Array) -> Array:
+            p, q = split(c)
+            return 1e6 * root[:, None] * np.hstack([tops / (q * y)[:, None], -bottoms * (p / (q * q * y))[:, None]])
+
+        c = least_squares(residual, c, slope, method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15, args=(np.sqrt(weight),)).x
+        p, q = split(c)
+        error = np.abs(p / (q * y) - 1)
         if error.max() < best[0]:
-            best = (float(error.max()), p, q)
-        weight *= 1 + 0.5 * error / error.max()
+            best = (float(error.max()), c)
+        weight *= (error / error.max()) ** 0.6 + 1e-3
         weight /= weight.mean()
-    scale = limit ** (2 * np.arange(degree + 1))
-    return best[0], best[1] / scale, best[2] / scale
+
+    def powers(chebyshev: Array) -> Array:
+        return np.asarray(Polynomial(cheb2poly(chebyshev))(Polynomial([-1, 2 / limit**2])).coef)
+
+    c = best[1]
+    numerator, bottom = powers(c[top]), powers(np.concatenate([[1.0], c[over + 1 :]]))
+    return best[0], numerator / bottom[0], bottom / bottom[0]
 
 
 def tell(name: str, error: float, **parts: Array) -> None:
@@ -55,7 +84,7 @@ def tell(name: str, error: float, **parts: Array) -> None:
 
 def main() -> None:
     error, p, q = rational_erf()
-    tell("erf(x) = x P(x²)/Q(x²), |x| ≤ 4", error, P=p, Q=q)
+    tell("erf(x) = x P(x²)/Q(x²), |x| ≤ 3.7", error, P=p, Q=q)
     r = np.log(2) / 2 * 1.0001 * np.cos(np.linspace(0, np.pi, 4001))
     error, c = minimax(r[:, None] ** np.arange(6), np.exp(r))
     tell("exp(r), |r| ≤ ½ ln 2", error, P=c)

@@ -292,6 +292,7 @@ def test_an_npz_that_is_none_is_one_line(tmp_path: Path) -> None:
         Tabulated.load(tmp_path / "t.exr")
 
 
+@pytest.mark.alone
 def test_a_large_table_fits_in_time(tmp_path: Path) -> None:
     """91 x 181 x 361 x 3, loaded and fitted in another process: under 20 s and 2 GB."""
     program = """

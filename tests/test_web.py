@@ -68,6 +68,7 @@ def shoot(browser: Any, name: str) -> np.ndarray:
     return matplotlib.image.imread(io.BytesIO(shot))[..., :3]
 
 
+@pytest.mark.alone
 def test_it_draws_within_a_second(opened: Any) -> None:
     # 0.7 s where measured (docs/screenshot.py): three times that on a busy machine still passes.
     assert opened.execute_script("return cuticle.result.first") < 2500
@@ -100,6 +101,7 @@ def test_its_density_and_its_function_are_pythons(opened: Any, model: Any, sampl
         assert abs(result["integral"] - 1) <= 2e-3
 
 
+@pytest.mark.alone
 def test_it_answers_a_turn_within_a_tenth_of_a_second(opened: Any) -> None:
     opened.execute_script("cuticle.state.live = false")
     for lobes in opened.execute_script("return cuticle.data.lobes"):
