@@ -1,7 +1,7 @@
-"""Print the single-precision approximations of include/cuticle/math.h: minimax in relative error.
+"""Print the single-precision approximations of include/cuticle/math.h and erf.h: minimax in relative error.
 
-erf as x P(x²)/Q(x²) on |x| ≤ 3.7, exp on ±½ ln 2, log as r P(r) with r = m - 1 for m from √½ to √2, and sin on [0, pi/2],
-each by least squares, reweighted where the error is largest.
+erf as x P(x²)/Q(x²) on |x| ≤ 4 and, coarser, 3.7, exp on ±½ ln 2, log as r P(r) with r = m - 1 for m from √½ to √2, and sin
+on [0, pi/2], each by least squares, reweighted where the error is largest.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ def minimax(columns: Array, y: Array, rounds: int = 400) -> tuple[float, Array]:
     return best
 
 
-def rational_erf(limit: float = 3.7, over: int = 4, under: int = 5, rounds: int = 200) -> tuple[float, Array, Array]:
+def rational_erf(limit: float, over: int, under: int, rounds: int = 200) -> tuple[float, Array, Array]:
     """Return the largest relative error, P and Q of degrees `over` and `under`, lowest first.
 
-    In Chebyshev's polynomials of x², by nonlinear least squares, reweighted where the error is largest: the linear form of a
-    rational fit stops at ten times the error.
+    In Chebyshev's polynomials of x², by nonlinear least squares from the linear form's solution, reweighted where the error
+    is largest.
     """
     x = limit * np.cos(np.linspace(0, np.pi / 2, 3001))[:-1]
     x = x[x > 1e-4]
@@ -83,8 +83,9 @@ def tell(name: str, error: float, **parts: Array) -> None:
 
 
 def main() -> None:
-    error, p, q = rational_erf()
-    tell("erf(x) = x P(x²)/Q(x²), |x| ≤ 3.7", error, P=p, Q=q)
+    for limit, over, under in ((4.0, 5, 5), (3.7, 4, 5)):
+        error, p, q = rational_erf(limit, over, under)
+        tell(f"erf(x) = x P(x²)/Q(x²), |x| ≤ {limit}", error, P=p, Q=q)
     r = np.log(2) / 2 * 1.0001 * np.cos(np.linspace(0, np.pi, 4001))
     error, c = minimax(r[:, None] ** np.arange(6), np.exp(r))
     tell("exp(r), |r| ≤ ½ ln 2", error, P=c)

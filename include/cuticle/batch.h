@@ -9,16 +9,17 @@ namespace cuticle {
 
 namespace detail {
 
-template <class Lanes> CUTICLE_INLINE CentralNormal<Lanes> theta_normal(const Lanes &mean, const Lanes &sigma) {
+template <bool Fine, class Lanes> CUTICLE_INLINE CentralNormal<Lanes> theta_normal(const Lanes &mean, const Lanes &sigma) {
     const Lanes pole(half_pi<double>);
-    return central_normal(mean, sigma, Lanes(-pole), pole);
+    return central_normal<Fine>(mean, sigma, Lanes(-pole), pole);
 }
-template <class Lanes> CUTICLE_INLINE CentralNormal<Lanes> phi_normal(const Lanes &mean, const Lanes &sigma, bool even) {
+template <bool Fine, class Lanes>
+CUTICLE_INLINE CentralNormal<Lanes> phi_normal(const Lanes &mean, const Lanes &sigma, bool even) {
     const Lanes turn(pi<double>);
-    return central_normal(mean, sigma, even ? Lanes(0) : Lanes(mean - turn), even ? turn : Lanes(mean + turn));
+    return central_normal<Fine>(mean, sigma, even ? Lanes(0) : Lanes(mean - turn), even ? turn : Lanes(mean + turn));
 }
 
-// One lobe, each of its numbers in every lane: lobe by lobe all stays in registers.
+// One lobe's density, each of its numbers in every lane: lobe by lobe all stays in registers.
 template <class Lanes> struct LaneLobe {
     Lanes weight, scale;
     CentralNormal<Lanes> theta, phi;
@@ -27,8 +28,8 @@ template <class Lanes> struct LaneLobe {
     template <int K>
     CUTICLE_INLINE LaneLobe(const LobeValues<Lanes, K> &values, int k, bool even)
         : weight(values.weight[k]),
-          theta(theta_normal(values.mean[k], values.sigma[k])),
-          phi(phi_normal(values.mean[K + k], values.sigma[K + k], even)) {
+          theta(theta_normal<false>(values.mean[k], values.sigma[k])),
+          phi(phi_normal<false>(values.mean[K + k], values.sigma[K + k], even)) {
         scale = lobe_scale(weight, Lanes(theta.rate * phi.rate), Lanes(theta.mass * phi.mass),
                            Lanes(theta.under * phi.under), even);
     }
@@ -92,7 +93,7 @@ template <class Lanes, int K> struct LaneMixture : LaneSampler<LaneMixture<Lanes
                 sigma[i] = select(mask, values.sigma[i * K + k], sigma[i]);
             }
         }
-        return {theta_normal(mean[0], sigma[0]), phi_normal(mean[1], sigma[1], even)};
+        return {theta_normal<true>(mean[0], sigma[0]), phi_normal<true>(mean[1], sigma[1], even)};
     }
 };
 

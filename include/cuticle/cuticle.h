@@ -8,6 +8,7 @@
 #include "cuticle/chiang.h"
 #include "cuticle/density_grid.h"
 #include "cuticle/dual_scattering.h"
+#include "cuticle/erf.h"
 #include "cuticle/lanes.h"
 #include "cuticle/lobe.h"
 #include "cuticle/lobes.h"

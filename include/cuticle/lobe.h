@@ -3,7 +3,7 @@
 #ifndef CUTICLE_LOBE_H
 #define CUTICLE_LOBE_H
 
-#include "cuticle/math.h"
+#include "cuticle/erf.h"
 
 namespace cuticle {
 
@@ -14,11 +14,12 @@ template <class Float> struct CentralNormal {
     Float low, mass, under;   // low/under is erf at the lower end, mass/under erf(upper) - erf(lower)
 };
 
-template <class Float>
+// Not Fine: for the density alone.
+template <bool Fine = true, class Float>
 CUTICLE_INLINE CentralNormal<Float> central_normal(const Float &mean, const Float &sigma, const Float &lo, const Float &hi) {
     const Float rate = Float(sqrt_half<double>) / sigma;
-    const math::Quotient<Float> a = math::erf_end<true>(Float((lo - mean) * rate));
-    const math::Quotient<Float> b = math::erf_end<false>(Float((hi - mean) * rate));
+    const math::Quotient<Float> a = math::erf_end<true, Fine>(Float((lo - mean) * rate));
+    const math::Quotient<Float> b = math::erf_end<false, Fine>(Float((hi - mean) * rate));
     const Float low = a.over * b.under;
     return {mean, rate, Float(2 * sqrt_half<double>) * sigma, low, b.over * a.under - low, a.under * b.under};
 }

@@ -2,6 +2,7 @@
 #ifndef CUTICLE_PACK_MATH_H
 #define CUTICLE_PACK_MATH_H
 
+#include "cuticle/erf.h"
 #include "cuticle/pack.h"
 
 namespace cuticle {

@@ -69,9 +69,11 @@ template <class Float, class Scalar, int K, class Memory>
 CUTICLE_INLINE ThetaPosition<Float> locate_theta(const LobeTable<Scalar, K, Memory> &table, const Float &theta_r) {
     using Index = typename ArrayTraits<Float>::Index;
     const Float last = Float(table.theta_nodes - 1);
-    // In this order what is no number reads the first node, and stays none by its fraction.
-    const Float x = math::min(math::max(Float(0), Float((theta_r * Float(1 / pi<double>) + Float(.5)) * last)), last);
-    const Index node = ArrayTraits<Float>::to_index(math::min(x, Float(table.theta_nodes - 2)));
+    // Just below the last node, so that there is one after it. In this order what is no number reads the first node, and
+    // stays none by its fraction.
+    const Float x = math::min(math::max(Float(0), Float((theta_r * Float(1 / pi<double>) + Float(.5)) * last)),
+                              Float(last * Float(1 - epsilon<Float>)));
+    const Index node = ArrayTraits<Float>::to_index(x);
     return {node, Float((x - Float(node)) + Float(0) * theta_r)};
 }
 
