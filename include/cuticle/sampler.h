@@ -185,9 +185,10 @@ CUTICLE_INLINE Lobes<Float, K> lobes_at(const LobeTable<Scalar, K, Memory> &tabl
 template <class Count, class Scalar, int K, class Memory>
 CUTICLE_INLINE bool is_blended(const LobeTable<Scalar, K, Memory> &table, const RowPosition<Count> &rows) {
     using Traits = ArrayTraits<Count>;
-    const bool between = table.rows > 1 && Traits::any(rows.s > Count(0)) && Traits::any(rows.s < Count(1));
-    if (!between || table.strands[0] != Scalar(0) || !Traits::any(rows.blend)) return false;
-    return Traits::any(select(rows.blend, Count(rows.s * (Count(1) - rows.s)), Count(0)) > Count(0));
+    const bool between = table.rows > 1 && Traits::any(rows.s > Count(0)) && Traits::any(rows.s < Count(1)) &&
+                         table.strands[0] == Scalar(0) && Traits::any(rows.blend);
+    if constexpr (std::is_arithmetic_v<Count>) return between;
+    else return between && Traits::any(select(rows.blend, Count(rows.s * (Count(1) - rows.s)), Count(0)) > Count(0));
 }
 
 template <class Float, class Scalar, int K, class Memory>
