@@ -176,10 +176,11 @@ int main(int argc, char **argv) {
                          [&in, &model, strands] {
                              float sum = 0, f[32];
                              cuticle::AzimuthalTerms<float> terms[32];
+                             const auto around = cuticle::counted(strands);
                              for (int i = 0; i < inputs; ++i) {
-                                 cuticle::dual_scattering_terms(model, in.theta_i[i], in.theta_r[i], strands, 15, terms);
+                                 cuticle::dual_scattering_terms(model, in.theta_i[i], in.theta_r[i], around, 15, terms);
                                  cuticle::dual_scattering_around(model, terms, in.theta_i[i], in.theta_r[i], in.phi[i],
-                                                                 strands, f);
+                                                                 around, f);
                                  sum += f[0];
                              }
                              return sum;

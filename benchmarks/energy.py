@@ -62,6 +62,12 @@ def main() -> None:
         lost = 1 - printed[0] / exact[0]
         print(f"  {a_f:.2f} {a_b:.2f} | {printed[0]:.4f} {exact[0]:.4f} ({100 * lost:.0f} % lost) | {angles}")
 
+    print("\nwhat comes through n strands, all orders, over a_f^n")
+    for a_f, a_b in ((0.8, 0.1), (0.9, 0.05)):
+        energy = _core.backscatter(a_f, a_b, *shape, True, 1.0)[0]
+        passed = _core.stack(a_f, a_b, energy, 0.0, 0.0)[0]
+        print(f"  {a_f:.2f} {a_b:.2f} |", ", ".join(f"n = {n}: {(passed / a_f) ** n:.3f}" for n in (1, 2, 5, 10)))
+
 
 if __name__ == "__main__":
     main()

@@ -1,7 +1,8 @@
 """Print the single-precision approximations of include/cuticle/math.h and erf.h: minimax in relative error.
 
-erf as x P(x²)/Q(x²) on |x| ≤ 4 and, coarser, 3.7, exp on ±½ ln 2, log as r P(r) with r = m - 1 for m from √½ to √2, and sin
-on [0, pi/2], each by least squares, reweighted where the error is largest.
+erf as x P(x²)/Q(x²) on |x| ≤ 4 and, coarser, 3.7, erfc as exp(-x²) t P(t) with t = 1/(1 + x/2), the tail of erfinv, exp on
+±½ ln 2, log as r P(r) with r = m - 1 for m from √½ to √2, and sin on [0, pi/2], each by least squares, reweighted where the
+error is largest.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from numpy.polynomial import Polynomial
 from numpy.polynomial.chebyshev import cheb2poly, chebvander
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from scipy.special import erf
+from scipy.special import erf, erfcinv, erfcx
 
 Array = NDArray[np.float64]
 
@@ -86,6 +87,13 @@ def main() -> None:
     for limit, over, under in ((4.0, 5, 5), (3.7, 4, 5)):
         error, p, q = rational_erf(limit, over, under)
         tell(f"erf(x) = x P(x²)/Q(x²), |x| ≤ {limit}", error, P=p, Q=q)
+    t = 1 - 0.8 * (0.5 + 0.5 * np.cos(np.linspace(0, np.pi, 4001)))
+    error, c = minimax(t[:, None] ** np.arange(7), erfcx(2 / t - 2) / t)
+    tell("erfc(x) = exp(-x²) t P(t), t = 1/(1 + x/2), 0 ≤ x ≤ 8", error, P=c)
+    root = np.sqrt(5) + (6.2 - np.sqrt(5)) * (0.5 - 0.5 * np.cos(np.linspace(0, np.pi, 4001)))
+    beyond = np.exp(-(root**2)) / (1 + np.sqrt(-np.expm1(-(root**2))))  # 1 - p
+    error, c = minimax((root[:, None] - 4) ** np.arange(10), erfcinv(beyond) / (1 - beyond))
+    tell("erfinv(p) = p P(√w - 4), w = -ln(1 - p²), 5 ≤ w ≤ 38", error, P=c)
     r = np.log(2) / 2 * 1.0001 * np.cos(np.linspace(0, np.pi, 4001))
     error, c = minimax(r[:, None] ** np.arange(6), np.exp(r))
     tell("exp(r), |r| ≤ ½ ln 2", error, P=c)

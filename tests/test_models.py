@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy.stats import poisson
 
 import cuticle
 from conftest import sphere
 from cuticle import DualScattering, Fibre, Marschner, _core
+from cuticle.models import pass_on
 from cuticle.presets import PRESETS
 
 SMOOTH = Fibre(alpha_R=-7.5, beta_R=7.5, sigma_a=0.6, beta_N=3)
@@ -112,6 +116,82 @@ def test_exact_backscatter_agrees_with_a_walk_over_strands(a_f: float) -> None:
     assert abs(returned.mean() - shift) <= 0.01 * deviation
 
 
+@pytest.mark.parametrize("behind", [None, 0, 1, 4])
+@pytest.mark.parametrize("before", [0, 1, 3])
+def test_stacks_agree_with_a_walk_over_strands(before: int, behind: int | None) -> None:
+    """What comes to a strand with so many before and behind it, and what those behind send back of it."""
+    a_f, a_b = 0.75, 0.15
+    energy = _core.backscatter(a_f, a_b, 0.0, 0.0, 0.1, 0.1, True, 1.0)[0]
+    passed, _, _ = _core.stack(a_f, a_b, energy, 0.0, 0.0)
+    assert passed == pytest.approx(float(pass_on(np.array(a_f), np.array(a_b), np.array(energy))), rel=1e-12)
+    # A whole number in place of a random one: the mean of q^m is that of a Poisson number of another mean.
+    q = passed**2
+    mean = 1e300 if behind is None else behind * math.log(q) / (q - 1)
+    _, back, reach = _core.stack(a_f, a_b, energy, mean, float(before))
+
+    rng = np.random.default_rng(5)
+    count, own = 1_000_000, before  # the strand itself is number `before`
+    place, heading = np.zeros(count, int), np.ones(count, int)
+    arrived = returned = 0
+    while len(place):
+        here = place == own
+        arrived += int((here & (heading > 0)).sum())
+        returned += int((here & (heading < 0)).sum())
+        u = rng.random(len(place))
+        heading = np.where((u >= a_f) & (u < a_f + a_b), -heading, heading)
+        place = place + heading
+        inside = (u < a_f + a_b) & (place >= 0)
+        if behind is not None:
+            inside &= place <= own + behind
+        place, heading = place[inside], heading[inside]
+    # Standard errors of a million walks: below .3 % of the rarest of these.
+    assert arrived / count == pytest.approx(passed**before * reach, rel=0.01)
+    # What comes from behind and passes the strand again is backscatter.
+    assert returned * a_f / arrived == pytest.approx(energy * back, rel=0.015, abs=1e-12)
+
+
+@pytest.mark.parametrize("formulation", ["exact", "zinke2008"])
+@pytest.mark.parametrize("expected", [0.0, 0.05, 0.8, 3.0, 12.0])
+def test_an_expected_number_of_strands_is_the_mean_over_poissons(expected: float, formulation: str) -> None:
+    model = DualScattering(Fibre.preset("brown"), formulation=formulation)
+    theta, phi, cell = sphere(180, 60)
+    mean = model.expected(theta, 0.3, phi, expected)
+    sum_over_n = sum(
+        poisson.pmf(n, expected) * model.with_strands(n).eval(theta, 0.3, phi) for n in range(int(4 * expected) + 12)
+    )
+    weight = (np.cos(theta) ** 2 * cell * np.ones_like(phi))[..., None]
+    energy = (mean * weight).sum(axis=(0, 1))
+    # Energies are those of the sum (for a Gaussian M, but for its cut at the poles); one M of the mean width stands for a
+    # sum of Ms of all widths, which is a little more peaked and longer in its tails.
+    np.testing.assert_allclose(energy, (sum_over_n * weight).sum(axis=(0, 1)), rtol=1e-3 if formulation == "exact" else 0.02)
+    assert (0.5 * (np.abs(mean - sum_over_n) * weight).sum(axis=(0, 1)) <= 0.03 * energy).all()
+
+
+def test_strands_behind_send_back_what_a_half_space_of_them_does() -> None:
+    model = DualScattering(Fibre.preset("blond"))
+    at = (0.1, 0.2, 0.5)
+    np.testing.assert_allclose(model.expected(*at, 2.0, behind=1e4), model.expected(*at, 2.0), rtol=1e-9)
+    none = model.expected(*at, 0.0, behind=0.0)
+    np.testing.assert_allclose(none, model.eval(*at, lobes=("R", "TT", "TRT")), rtol=1e-12)
+    back = model.expected(*at, 0.0, behind=[0.5, 1, 2, 4, 8, 16], lobes="back")
+    assert (np.diff(back, axis=0) > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda m: m.expected(0, 0, 0, -1.0), "strands must be in [0, 10,000], got -1"),
+        (lambda m: m.expected(0, 0, 0, [1.0, np.nan]), "strands must be in [0, 10,000], got nan"),
+        (lambda m: m.expected(0, 0, 0, 1.0, behind=2e4), "behind must be in [0, 10,000], got 20000"),
+        (lambda m: DualScattering(m.fibre, 0, "zinke2008").expected(0, 0, 0, 1.0, behind=2.0), "leave behind out"),
+        (lambda m: m.expected([0, 0], 0, [0, 0, 0], 1.0), "shapes do not broadcast together"),
+    ],
+)
+def test_bad_expectations_are_told(call: Callable[[DualScattering], object], words: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(words)):
+        call(DualScattering(Fibre.preset("brown")))
+
+
 def test_printed_backscatter_is_as_printed() -> None:
     # ā_f .8, ā_b .1, ᾱ_f 2°, ᾱ_b -6°: the printed mean is 7.13°. ā_f .95, ā_b .05, widths of marschner: see below.
     _, shift, _ = _core.backscatter(0.8, 0.1, math.radians(2), math.radians(-6), 0.1, 0.1, False, 0.7)
@@ -159,7 +239,7 @@ def test_exact_carries_the_energy_it_stands_for(theta_r: float, strands: int) ->
     theta, phi, cell = sphere(1440, 180)
     weight = np.cos(theta) ** 2 * cell
     scattered = float((model.eval(theta, theta_r, phi, lobes=("R", "TT", "TRT"))[..., 0] * weight).sum())
-    through = fibre.d_f * float(a.a_f[0]) ** strands if strands else 1.0
+    through = fibre.d_f * float(a.pass_on[0]) ** strands if strands else 1.0
     assert scattered == pytest.approx(through * float(a.a_f[0] + a.a_b[0]), rel=5e-3)  # tables of half a degree
     f = model.eval(theta, theta_r, phi, lobes="back")[..., 0] * weight
     behind = float(f[:, np.abs(phi[0]) < np.pi / 2].sum())
@@ -194,7 +274,7 @@ def test_fractional_strands_are_fractional_powers() -> None:
     for n in (1.5, 3.25):
         f = DualScattering(fibre, n).eval(theta, 0.3, phi, lobes=("R", "TT", "TRT"))
         energy = np.einsum("abc,ab->c", f, np.cos(theta) ** 2 * cell * np.ones_like(phi))
-        np.testing.assert_allclose(energy, fibre.d_f * a.a_f**n * (a.a_f + a.a_b), rtol=5e-3)
+        np.testing.assert_allclose(energy, fibre.d_f * a.pass_on**n * (a.a_f + a.a_b), rtol=5e-3)
 
 
 @pytest.mark.parametrize(

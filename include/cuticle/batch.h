@@ -107,7 +107,7 @@ template <class Lanes, class T, int K> struct LanePoint : LaneSampler<LanePoint<
         : count(sampler.blended ? 2 * K : K), even(sampler.first.even) {
         for (int k = 0; k < K; ++k) {
             set(lobes[k], sampler.first, k, sampler.share);
-            if (sampler.blended) set(lobes[K + k], sampler.second, k, T(1) - sampler.share);
+            if (sampler.blended) set(lobes[K + k], sampler.second, k, sampler.rest);
         }
     }
     CUTICLE_INLINE const LaneLobe<Lanes> &lobe(int k) const { return lobes[k]; }

@@ -51,6 +51,23 @@ void deposit_strand(const DensityGrid<Scalar> &grid, Scalar *cells, const Scalar
     }
 }
 
+// The same hair in cells `factor` times as wide, from the same corner on: how many along each axis, and their values, the
+// means of those they hold. Fewer steps to walk, where a blur of the hair does no harm.
+constexpr int coarse_size(int size, int factor) { return (size + factor - 1) / factor; }
+template <class Scalar> void coarsen(const DensityGrid<Scalar> &grid, int factor, Scalar *cells) {
+    const int wide = coarse_size(grid.size[0], factor), high = coarse_size(grid.size[1], factor);
+    const int deep = coarse_size(grid.size[2], factor);
+    for (int i = 0; i < wide * high * deep * density_columns; ++i) cells[i] = Scalar(0);
+    const Scalar share = Scalar(1) / static_cast<Scalar>(factor * factor * factor);
+    const Scalar *from = grid.cells;
+    for (int z = 0; z < grid.size[2]; ++z)
+        for (int y = 0; y < grid.size[1]; ++y)
+            for (int x = 0; x < grid.size[0]; ++x) {
+                Scalar *to = cells + ((z / factor * high + y / factor) * wide + x / factor) * density_columns;
+                for (int c = 0; c < density_columns; ++c) to[c] += share * *from++;
+            }
+}
+
 // Strands crossed per unit length along the unit direction d in the cell whose values begin at `first`.
 template <class Float, class Memory>
 CUTICLE_HD Float crossing_rate(const Memory &cells, const typename ArrayTraits<Float>::Index &first,
@@ -64,17 +81,14 @@ CUTICLE_HD Float crossing_rate(const Memory &cells, const typename ArrayTraits<F
     return math::sqrt(math::max(Float(trace * (trace - along)), Float(0)));
 }
 
-// Where a walk from cell to cell has come to (Amanatides and Woo 1987).
+// Where a walk from cell to cell has come to (Amanatides and Woo 1987); distances from where the ray enters the box.
 template <class Float> struct GridWalk {
     using Index = typename ArrayTraits<Float>::Index;
     Float next[3];  // distance to the border ahead along each axis
-    Index left[3];  // cells up to the side where the walk leaves the box
     Index first;    // of the cell's values
     Float here, total;
 
-    template <class Use> auto apply(const Use &use) {
-        return use(next[0], next[1], next[2], left[0], left[1], left[2], first, here, total);
-    }
+    template <class Use> auto apply(const Use &use) { return use(next[0], next[1], next[2], first, here, total); }
 };
 
 // Expected number of strands on the way from `origin` along the unit direction `d`, up to `distance`: the sum of the rates
@@ -84,60 +98,54 @@ CUTICLE_HD Float count_strands(const DensityGrid<Scalar, Memory> &grid, const Fl
                                const Float &distance) {
     using Traits = ArrayTraits<Float>;
     using Index = typename Traits::Index;
-    const Float far = Float(largest<Float>);
+    const Float far = Float(largest<Float>), zero = Float(0);
     const Float along[3] = {d.x, d.y, d.z};
     // Where the ray is inside the box. A direction without a component along an axis meets neither border of it.
-    Float slow[3], enter = Float(0), leave = distance;
+    Float slow[3], enter = zero, leave = distance;
     for (int a = 0; a < 3; ++a) {
         const Float low = Float(grid.lower[a]) - origin[a], high = low + Float(grid.cell[a]) * Float(grid.size[a]);
         const auto still = math::abs(along[a]) < Float(1e-20);
         slow[a] = Float(1) / select(still, Float(1), along[a]);
-        const Float to_low = select(still, select(low > Float(0), far, Float(-far)), Float(low * slow[a]));
-        const Float to_high = select(still, select(high < Float(0), Float(-far), far), Float(high * slow[a]));
+        const Float to_low = select(still, select(low > zero, far, Float(-far)), Float(low * slow[a]));
+        const Float to_high = select(still, select(high < zero, Float(-far), far), Float(high * slow[a]));
         enter = math::max(enter, math::min(to_low, to_high));
         leave = math::min(leave, math::max(to_low, to_high));
         slow[a] = select(still, far, slow[a]);
     }
-    // Per axis: how far apart borders are, and what a step adds to the cell's place in memory.
-    Float apart[3];
+    // Per axis: how far apart borders are, and what a step adds to the cell's place in memory. The walk ends before the
+    // rounding of its sums could take it past the last cell.
+    Float apart[3], end = leave - enter;
     Index step[3];
     GridWalk<Float> walk;
     walk.first = Index(0);
-    walk.here = enter;
-    walk.total = Float(0);
+    walk.here = walk.total = zero;
     int stride = density_columns;
     for (int a = 0; a < 3; ++a) {
-        const Float width = Float(grid.cell[a]);
-        const auto back = along[a] < Float(0), still = slow[a] >= far;
+        const Float width = Float(grid.cell[a]), last = Float(grid.size[a] - 1);
+        const auto back = along[a] < zero, still = slow[a] >= far;
         const Float x = (origin[a] + math::min(enter, distance) * along[a] - Float(grid.lower[a])) / width;
-        const Float cell = math::floor(math::clamp(x, Float(0), Float(Float(grid.size[a]) - Float(.5))));
-        const Float border = Float(grid.lower[a]) + width * (cell + select(back, Float(0), Float(1)));
-        walk.next[a] = select(still, far, math::max(Float((border - origin[a]) * slow[a]), enter));
-        apart[a] = select(still, Float(0), Float(width * math::abs(slow[a])));
-        walk.left[a] = select(back, Traits::to_index(cell), Index(Index(grid.size[a] - 1) - Traits::to_index(cell)));
+        const Float cell = math::floor(math::clamp(x, zero, Float(last + Float(.5))));
+        const Float ahead = (cell + select(back, zero, Float(1)) - x) * width * slow[a];
+        walk.next[a] = select(still, far, math::max(ahead, zero));
+        apart[a] = select(still, zero, Float(width * math::abs(slow[a])));
+        const Float out = walk.next[a] + select(back, cell, Float(last - cell)) * apart[a];
+        end = math::min(end, select(still, far, Float(out * Float(1 - 1e-4))));
         walk.first = walk.first + Traits::to_index(cell) * Index(stride);
         step[a] = select(back, Index(-stride), Index(stride));
         stride *= grid.size[a];
     }
     Traits::loop(
-        walk, [&](const GridWalk<Float> &w) { return w.here < leave; },
+        walk, [&](const GridWalk<Float> &w) { return w.here < end; },
         [&](GridWalk<Float> &w) {
-            const auto x_first = w.next[0] < w.next[1] && w.next[0] < w.next[2];
-            const auto y_first = !x_first && w.next[1] < w.next[2];
-            const Float ahead = select(x_first, w.next[0], select(y_first, w.next[1], w.next[2]));
-            const Float until = math::min(ahead, leave);
+            const Float ahead = math::min(w.next[0], math::min(w.next[1], w.next[2]));
+            const Float until = math::min(ahead, end);
             w.total = w.total + crossing_rate<Float>(grid.cells, w.first, d) * (until - w.here);
-            // A step that would leave the box ends the walk.
-            const Index left = select(x_first, w.left[0], select(y_first, w.left[1], w.left[2]));
-            w.here = select(left > Index(0), until, leave);
-            const Index one = select(left > Index(0), Index(1), Index(0));
-            w.first = w.first + one * select(x_first, step[0], select(y_first, step[1], step[2]));
-            w.next[0] = w.next[0] + select(x_first, apart[0], Float(0));
-            w.next[1] = w.next[1] + select(y_first, apart[1], Float(0));
-            w.next[2] = w.next[2] + select(x_first || y_first, Float(0), apart[2]);
-            w.left[0] = w.left[0] - select(x_first, one, Index(0));
-            w.left[1] = w.left[1] - select(y_first, one, Index(0));
-            w.left[2] = w.left[2] - select(x_first || y_first, Index(0), one);
+            w.here = until;
+            for (int a = 0; a < 3; ++a) {
+                const auto met = w.next[a] <= ahead;
+                w.next[a] = w.next[a] + select(met, apart[a], zero);
+                w.first = w.first + select(met, step[a], Index(0));
+            }
         });
     return walk.total;
 }

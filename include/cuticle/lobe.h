@@ -32,8 +32,23 @@ template <class Float> CUTICLE_HD Float central_cdf(const CentralNormal<Float> &
     return math::clamp(Float((math::erf(Float((x - d.mean) * d.rate)) * d.under - d.low) / d.mass), Float(0), Float(1));
 }
 
-template <class Float> CUTICLE_INLINE Float central_icdf(const CentralNormal<Float> &d, const Float &u) {
-    return d.mean + math::erfinv(Float((d.low + u * d.mass) / d.under)) * d.width;
+// The inverse on [lo, hi]. Single precision: near the ends of the normal, where erf is all but ±1, what lies beyond x is
+// told from the near end of the interval, erfc there and the share of the mass in between.
+template <class Float>
+CUTICLE_INLINE Float central_icdf(const CentralNormal<Float> &d, const Float &u, const Float &lo, const Float &hi) {
+    const Float p = (d.low + u * d.mass) / d.under;
+    if constexpr (std::is_same_v<scalar_t<Float>, float>) {
+        return d.mean + d.width * math::erfinv_single(p, [&](const Float &) {
+                            const auto lower = p < Float(0);
+                            const Float end =
+                                math::max(Float(select(lower, Float(d.mean - lo), Float(hi - d.mean)) * d.rate), Float(0));
+                            const Float beyond =
+                                math::erfc_single(end) + select(lower, u, Float(Float(1) - u)) * (d.mass / d.under);
+                            return Float(-math::log(math::max(Float(beyond * (Float(2) - beyond)), Float(5e-17))));
+                        });
+    } else {
+        return d.mean + d.width * math::erfinv(p);
+    }
 }
 
 // The normal of any mean and any sigma > 0 truncated to [lo, hi]. Where the mean lies more than a sigma
@@ -90,7 +105,7 @@ template <class Float> struct TruncatedNormal {
             d = math::clamp(Float(d - excess * e / Float(two_over_sqrt_pi<Float>)), Float(0), length);
         }
         const Float tail = near + sign * d / central.rate;
-        return math::clamp(Float(select(in_tail, tail, central_icdf(central, u))), lo, hi);
+        return math::clamp(Float(select(in_tail, tail, central_icdf(central, u, lo, hi))), lo, hi);
     }
 
   private:

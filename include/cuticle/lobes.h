@@ -52,14 +52,15 @@ template <class Float> CUTICLE_INLINE Float sample_per_steradian(const Float &de
 template <class Float> CUTICLE_INLINE Float invert_theta(const CentralNormal<Float> &d, const Float &u) {
     // The float nearest to pi/2 lies past the pole: stay one ulp inside.
     const Float limit = Float(half_pi<Float> * (1 - epsilon<Float>));
-    return math::clamp(central_icdf(d, u), Float(-limit), limit);
+    return math::clamp(central_icdf(d, u, Float(-half_pi<Float>), Float(half_pi<Float>)), Float(-limit), limit);
 }
 // A periodic lobe is inverted from its own seam: any order of the circle serves a sample.
 template <class Float> CUTICLE_INLINE Float invert_phi(const CentralNormal<Float> &d, const Float &u, bool even) {
-    if (even)
-        return even_icdf([&](const Float &v) { return math::clamp(central_icdf(d, v), Float(0), Float(pi<Float>)); }, u);
-    return math::wrap_angle(
-        math::clamp(central_icdf(d, u), Float(d.mean - Float(pi<Float>)), Float(d.mean + Float(pi<Float>))));
+    const auto inverse = [&](const Float &v, const Float &lo, const Float &hi) {
+        return math::clamp(central_icdf(d, v, lo, hi), lo, hi);
+    };
+    if (even) return even_icdf([&](const Float &v) { return inverse(v, Float(0), Float(pi<Float>)); }, u);
+    return math::wrap_angle(inverse(u, Float(d.mean - Float(pi<Float>)), Float(d.mean + Float(pi<Float>))));
 }
 
 // One inverse a coordinate; the pdf is left to the mixture.
@@ -122,7 +123,11 @@ template <class Float, int K> struct Lobes {
         const CentralNormal<Float> d = phi(k);
         if (even) return invert_phi(d, u, even);
         return periodic_icdf([&](const Float &y) { return central_cdf(d, Float(d.mean + y)); },
-                             [&](const Float &v) { return Float(central_icdf(d, v) - d.mean); }, d.mean, u);
+                             [&](const Float &v) {
+                                 const Float turn = Float(pi<Float>);
+                                 return Float(central_icdf(d, v, Float(d.mean - turn), Float(d.mean + turn)) - d.mean);
+                             },
+                             d.mean, u);
     }
 
     // The lobe that u in [0, 1) chooses, along both coordinates.

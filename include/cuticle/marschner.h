@@ -9,6 +9,7 @@
 
 #include "cuticle/azimuthal.h"
 #include "cuticle/longitudinal.h"
+#include "cuticle/pack_math.h"
 
 namespace cuticle {
 
@@ -34,20 +35,35 @@ template <class Float> struct AzimuthalTerms {
     Float weight[2][lobe_count], constant;
 };
 
+// Longitudinal parts for several shifts and variances side by side: one vector of single precision.
+template <class Float, int Count> struct LongitudinalLanes {
+    static constexpr int lanes = !std::is_same_v<Float, float> ? Count : Count <= 4 ? 4 : 8;
+    Pack<Float, lanes> alpha{0}, variance{1};
+
+    CUTICLE_HD void set(int i, const Float &shift, const Float &width) {
+        alpha.set(i, shift);
+        variance.set(i, width);
+    }
+    CUTICLE_HD Pack<Float, lanes> at(Longitudinal form, const Float &theta_i, const Float &theta_r) const {
+        return longitudinal(form, Pack<Float, lanes>(theta_i), Pack<Float, lanes>(theta_r), alpha, variance);
+    }
+};
+
 // The direct rows' weights of each channel; the rest 0.
 template <class Float, class Scalar>
 CUTICLE_HD void marschner_terms(const FibreLobes<Scalar> &fibre, const Float &theta_i, const Float &theta_r, int lobes,
                                 int channels, AzimuthalTerms<Float> *terms) {
-    for (int p = 0; p < lobe_count; ++p) {
-        const Float m = lobes & (1 << p) ? longitudinal(fibre.form, theta_i, theta_r, Float(fibre.alpha[p]),
-                                                        Float(fibre.beta[p] * fibre.beta[p]))
-                                         : Float(0);
-        for (int c = 0; c < channels; ++c) {
-            terms[c].weight[direct_rows][p] = m;
-            terms[c].weight[spread_rows][p] = Float(0);
-            terms[c].constant = Float(0);
-        }
+    for (int c = 0; c < channels; ++c) {
+        for (int p = 0; p < lobe_count; ++p) terms[c].weight[direct_rows][p] = terms[c].weight[spread_rows][p] = Float(0);
+        terms[c].constant = Float(0);
     }
+    if (!(lobes & (mask_r | mask_tt | mask_trt))) return;
+    LongitudinalLanes<Float, lobe_count> lanes;
+    for (int p = 0; p < lobe_count; ++p) lanes.set(p, Float(fibre.alpha[p]), Float(fibre.beta[p] * fibre.beta[p]));
+    const auto m = lanes.at(fibre.form, theta_i, theta_r);
+    for (int c = 0; c < channels; ++c)
+        for (int p = 0; p < lobe_count; ++p)
+            if (lobes & (1 << p)) terms[c].weight[direct_rows][p] = m[p];
 }
 
 // `sum` and one table's part of one channel, an int or a ChannelBetween, at a place that `locate` found.

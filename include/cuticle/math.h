@@ -191,14 +191,17 @@ template <class T> CUTICLE_INLINE T wrap_angle(const T &x) {
     return clamp(T(select(r <= T(-pi<T>), T(pi<T>), r)), T(-pi<T>), T(pi<T>));
 }
 
+// sin on [-pi/2, pi/2], minimax of degree 9 (benchmarks/fit_polynomials.py), error below 1e-7.
+template <class T> CUTICLE_INLINE T sin_single(const T &x) {
+    const T t = x * x;
+    return x * polynomial(t, T(2.60190274e-6f), T(-1.98074186e-4f), T(8.33302514e-3f), T(-.166666567f), T(1.f));
+}
+
 // cos theta for |theta| <= pi/2 with relative precision up to the poles (the plain cosine of the
 // float next to pi/2 is negative), held above the type's epsilon so that 1/cos stays finite.
 template <class T> CUTICLE_INLINE T cos_theta_single(const T &theta) {
     const T x = (T(half_pi<T>) - math::abs(theta)) - T(4.37113883e-8f);
-    const T t = x * x;
-    // sin on [0, pi/2], minimax of degree 9 (benchmarks/fit_polynomials.py), error below 1e-7.
-    const T s = x * polynomial(t, T(2.60190274e-6f), T(-1.98074186e-4f), T(8.33302514e-3f), T(-.166666567f), T(1.f));
-    return max(s, T(epsilon<T>));
+    return max(sin_single(x), T(epsilon<T>));
 }
 
 template <class T> CUTICLE_INLINE T cos_theta(const T &theta) {

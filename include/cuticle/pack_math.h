@@ -129,6 +129,25 @@ template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> copysign(const Pac
     return select(sign < Pack<T, N, B>(T(0)), -size, size);
 }
 
+template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> sin(const Pack<T, N, B> &x) {
+    using P = Pack<T, N, B>;
+    if constexpr (std::is_same_v<T, float> && CUTICLE_NATIVE_PACK) {
+        const P r = math::nearest_turn(x), far = abs(r);
+        return math::copysign(math::sin_single(math::min(far, P(P(pi<T>) - far))), r);
+    }
+    P r;
+    for (int i = 0; i < N; ++i) r.set(i, math::sin(x[i]));
+    return r;
+}
+template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> cos(const Pack<T, N, B> &x) {
+    using P = Pack<T, N, B>;
+    if constexpr (std::is_same_v<T, float> && CUTICLE_NATIVE_PACK)
+        return math::sin_single(P(P(half_pi<T>) - abs(math::nearest_turn(x))));
+    P r;
+    for (int i = 0; i < N; ++i) r.set(i, math::cos(x[i]));
+    return r;
+}
+
 template <class T, int N, int B> CUTICLE_INLINE math::Quotient<Pack<T, N, B>> pack_erf(const Pack<T, N, B> &x) {
     if constexpr (std::is_same_v<T, float> && CUTICLE_NATIVE_PACK) return math::erf_single(x);
     math::Quotient<Pack<T, N, B>> r;

@@ -104,20 +104,21 @@ CUTICLE_INLINE RowPosition<Count> locate_row(const LobeTable<Scalar, K, Memory> 
 // The mixture for one theta_r and number of strands. Prepare once a shading point, then evaluate and draw.
 template <class Float, int K> struct PreparedSampler {
     Lobes<Float, K> first, second;
-    Float share;   // of `first`; 1 nearly always
+    Float share,
+        rest;      // of `first`, 1 nearly always, and of `second`: a difference from 1 would lose the digits of a small one
     bool blended;  // whether `second` is there at all
 
     CUTICLE_INLINE Float pdf(const Float &theta_i, const Float &phi) const {
         const Float p = first.pdf(theta_i, phi);
         if (!blended) return p;
-        return share * p + (Float(1) - share) * second.pdf(theta_i, phi);
+        return share * p + rest * second.pdf(theta_i, phi);
     }
 
     CUTICLE_INLINE Sample<Float> sample(const Float &u_lobe, const Float &u_theta, const Float &u_phi) const {
         if (!blended) return first.sample(u_lobe, u_theta, u_phi);
         const auto in_first = u_lobe < share;
-        const Float rest = math::max(Float(Float(1) - share), Float(smallest<Float>));
-        const Float u = select(in_first, Float(u_lobe / share), Float((u_lobe - share) / rest));
+        const Float beyond = (u_lobe - share) / math::max(rest, Float(smallest<Float>));
+        const Float u = select(in_first, Float(u_lobe / share), beyond);
         const ChosenLobe<Float> a = first.choose(u), b = second.choose(u);
         const ChosenLobe<Float> chosen{select_normal(in_first, a.theta, b.theta), select_normal(in_first, a.phi, b.phi)};
         Sample<Float> s = draw(chosen, u_theta, u_phi, first.even);
@@ -207,7 +208,8 @@ CUTICLE_HD PreparedSampler<Float, K> prepare_blended(const LobeTable<Scalar, K, 
     const LobeValues<Float, K> first = lower.mix(select(rows.blend, Float(0), rows.s), upper);
     PreparedSampler<Float, K> out;
     out.share = select(rows.blend, Float(e0 / (e0 + e1)), Float(1));
-    out.blended = Traits::any(out.share < Float(1));
+    out.rest = select(rows.blend, Float(e1 / (e0 + e1)), Float(0));
+    out.blended = Traits::any(out.rest > Float(0));
     out.first.set(first.weight, first.mean, first.sigma, table.even);
     out.second.set(upper.weight, upper.mean, upper.sigma, table.even);
     return out;
@@ -222,6 +224,7 @@ CUTICLE_INLINE PreparedSampler<Float, K> prepare(const LobeTable<Scalar, K, Memo
     PreparedSampler<Float, K> out;
     out.first = lobes_at(table, at, rows);
     out.share = Float(1);
+    out.rest = Float(0);
     out.blended = false;
     return out;
 }

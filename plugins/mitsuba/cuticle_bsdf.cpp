@@ -50,7 +50,8 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
                    m_channels - m_exact_channels};
         // The fibre's own absorption has channels of its own; any other falls between two of the range.
         m_fixed = !props.has_property("scale") && (m_exact_channels == 1 || is_rgb_v<Spectrum>);
-        Base::set_flags(m_scale->is_spatially_varying(), m_average_rows > 0);
+        Base::set_flags(m_scale->is_spatially_varying(),
+                        m_average_rows > 0 ? cuticle_mitsuba::hair_flag | cuticle_mitsuba::mean_flag : 0u);
     }
 
     void parameters_changed(const std::vector<std::string> &) override { m_fixed = false; }
@@ -75,7 +76,9 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
             cuticle::locate(model.direct, cuticle::azimuthal_inclination(m_fibre.form, theta_i, r.theta), Float(phi));
         cuticle::AzimuthalTerms<Float> alone;
         cuticle::marschner_terms(m_fibre, theta_i, r.theta, cuticle::mask_all, 1, &alone);
-        const Float n = surrounded ? cuticle_mitsuba::strands(si) : Float(0);
+        const auto others = cuticle_mitsuba::around(si);
+        const bool random = cuticle_mitsuba::expected(ctx);
+        const cuticle::Surroundings<Float> around{random ? others.expected : others.strands, others.behind, random};
         const cuticle::ChiangRest<float, Memory> rest{cuticle_mitsuba::memory<Float>(m_rest), m_rest_rows, m_channels,
                                                       m_rest_variance};
         const auto value = [&](const auto &channel) {
@@ -85,8 +88,8 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
                 return cuticle::add_rows(f, model.direct, alone, cuticle::direct_rows, at, channel);
             }
             auto terms = alone;
-            cuticle::add_surroundings(model, channel, theta_i, r.theta, n, cuticle::mask_all, terms);
-            return cuticle::sum_around(model, terms, at, channel, n);
+            cuticle::add_surroundings(model, channel, theta_i, r.theta, around, cuticle::mask_all, terms);
+            return cuticle::sum_around(model, terms, at, channel, around);
         };
         UnpolarizedSpectrum f(0.f);
         if (m_fixed) {

@@ -20,7 +20,7 @@ template <typename Float, typename Spectrum> class CuticleTable final : public H
         if constexpr (is_spectral_v<Spectrum>)
             if (m_alone.channels > 1)
                 for (const char *name : {"red", "green", "blue"}) m_primaries.push_back(props.get_texture<Texture>(name));
-        Base::set_flags(false, !m_among.strands.empty());
+        Base::set_flags(false, m_among.strands.empty() ? 0u : cuticle_mitsuba::hair_flag);
     }
 
     MI_DECLARE_CLASS(CuticleTable)
@@ -78,7 +78,7 @@ template <typename Float, typename Spectrum> class CuticleTable final : public H
     UnpolarizedSpectrum scattered(const BSDFContext &ctx, const SurfaceInteraction3f &si, const Float &theta_i,
                                   const Angles &r, const Float &phi, Mask active) const override {
         Float f[most_channels];
-        if (cuticle_mitsuba::among_strands(ctx)) m_among.eval(theta_i, r.theta, phi, cuticle_mitsuba::strands(si), f);
+        if (cuticle_mitsuba::among_strands(ctx)) m_among.eval(theta_i, r.theta, phi, cuticle_mitsuba::around(si).strands, f);
         else m_alone.eval(theta_i, r.theta, phi, Float(0), f);
         UnpolarizedSpectrum result(f[0]);
         if (m_alone.channels == 3) {

@@ -31,6 +31,9 @@ template <typename Float, typename Spectrum> class DualScattering final : public
         const std::string counter = props.get<std::string>("counter", "grid");
         if (counter != "grid" && counter != "trace") Throw("counter must be grid or trace, got %s", counter);
         m_trace = counter == "trace";
+        const std::string behind = props.get<std::string>("behind", "counted");
+        if (behind != "counted" && behind != "half_space") Throw("behind must be counted or half_space, got %s", behind);
+        m_behind = behind == "counted";
         m_cells = whole(props, "cells", 64, 1, 512);
         m_most = whole(props, "max_strands", 64, 1, 10000);
         const int shading = whole(props, "shading_samples", 1, 1, 1024);
@@ -79,9 +82,9 @@ template <typename Float, typename Spectrum> class DualScattering final : public
             Mask lit = smooth && ds.pdf != 0.f;
             if (dr::none_or<false>(lit)) continue;
             const Ray3f toward = si.spawn_ray_to(ds.p);
-            const Float n = strands_between(scene, toward, hair, lit, sampler);
+            const Around around = strands_between(scene, toward, hair, lit, sampler);
             const Vector3f wo = si.to_local(ds.d);
-            auto [value, pdf] = eval_pdf(bsdf, si, wo, n, hair, lit);
+            auto [value, pdf] = eval_pdf(bsdf, si, wo, around, hair, lit);
             value = si.to_world_mueller(value, -wo, si.wi);
             const Float weight = dr::select(ds.delta, Float(1.f), power(ds.pdf * emitter_share, pdf * bsdf_share)) /
                                  ScalarFloat(m_emitter_samples);
@@ -108,10 +111,10 @@ template <typename Float, typename Spectrum> class DualScattering final : public
                 up_to.maxt =
                     dr::select(si_light.is_valid(), si_light.t * (1.f - math::ShadowEpsilon<Float>), dr::Largest<Float>);
                 // Beyond the hair nothing stands in the way: beyond_hair found the light itself.
-                const Float n = count(scene, up_to, hair && used, sampler);
-                const Spectrum f = eval_pdf(bsdf, si, bs.wo, n, hair, hair && used).first;
+                const Around around = count(scene, up_to, hair && used, sampler);
+                const Spectrum f = eval_pdf(bsdf, si, bs.wo, around, hair, hair && used).first;
                 value = dr::select(hair, f / bs.pdf, value);
-                used &= !hair || n >= 0.f;
+                used &= !hair || around.strands >= 0.f;
             }
             value = si.to_world_mueller(value, -bs.wo, si.wi);
             result[used] +=
@@ -125,6 +128,7 @@ template <typename Float, typename Spectrum> class DualScattering final : public
         out << "DualScattering[" << std::endl << "  counter = " << (m_trace ? "trace" : "grid") << "," << std::endl;
         if (m_trace) out << "  max_strands = " << m_most << "," << std::endl;
         else out << "  cells = " << m_cells << "," << std::endl;
+        out << "  behind = " << (m_behind ? "counted" : "half_space") << "," << std::endl;
         out << "  emitter_samples = " << m_emitter_samples << "," << std::endl
             << "  bsdf_samples = " << m_bsdf_samples << std::endl
             << "]";
@@ -134,6 +138,8 @@ template <typename Float, typename Spectrum> class DualScattering final : public
     MI_DECLARE_CLASS(DualScattering)
 
   private:
+    using Around = cuticle_mitsuba::Around<Float>;
+
     static int whole(const Properties &props, const char *name, int otherwise, int low, int high) {
         const auto value = props.get<int64_t>(name, otherwise);
         if (value < low || value > high) Throw("%s must be in [%d, %d], got %d", name, low, high, value);
@@ -153,14 +159,18 @@ template <typename Float, typename Spectrum> class DualScattering final : public
         m_others = nullptr;
         Properties others("scene");
         std::vector<ref<Shape>> kept;
-        bool some_hair = false;
+        bool some_hair = false, all_read = !m_trace || m_behind;
+        m_draws = false;
         for (const ref<Shape> &shape : scene->shapes()) {
-            if (shape->bsdf() && (shape->bsdf()->flags() & cuticle_mitsuba::hair_flag) != 0u) {
-                if (!m_trace && !m_grid.add(const_cast<Shape *>(shape.get())))
+            const uint32_t flags = shape->bsdf() ? shape->bsdf()->flags() : 0u;
+            if (flags & cuticle_mitsuba::hair_flag) {
+                all_read = all_read && m_grid.add(const_cast<Shape *>(shape.get()));
+                if (!m_trace && !all_read)
                     Throw(
                         "dual_scattering: hair must be a bsplinecurve for counter = grid, got %s; use bsplinecurve, or "
                         "counter = trace",
                         shape->class_name());
+                m_draws = m_draws || !(flags & cuticle_mitsuba::mean_flag);
                 some_hair = true;
             } else {
                 others.set("shape" + std::to_string(kept.size()), ref<Object>(const_cast<Shape *>(shape.get())));
@@ -171,7 +181,9 @@ template <typename Float, typename Spectrum> class DualScattering final : public
             Log(Warn,
                 "dual_scattering: no shape has a BSDF `cuticle` whose fibre can stand among others: all is lit as by "
                 "`direct`");
-        else if (!m_trace) m_grid.build(m_cells);
+        m_has_grid = some_hair && all_read;
+        if (m_has_grid) m_grid.build(m_cells);
+        else m_grid.clear();
         if (!kept.empty() && some_hair) {
             m_others = new Scene(others);
             // The shapes stay the first scene's.
@@ -182,23 +194,29 @@ template <typename Float, typename Spectrum> class DualScattering final : public
         m_scene = scene;
     }
 
-    // Strands between a hair and the light (for other surfaces 0); `lit` loses what stands in the shadow of something else.
-    Float strands_between(const Scene *scene, const Ray3f &toward, const Mask &hair, Mask &lit, Sampler *sampler) const {
+    // Strands around a hair on its way to the light (elsewhere none); `lit` loses what stands in the shadow of something
+    // else.
+    Around strands_between(const Scene *scene, const Ray3f &toward, const Mask &hair, Mask &lit, Sampler *sampler) const {
         const Mask on_hair = hair && lit, elsewhere = lit && !hair;
         if (dr::any_or<true>(elsewhere)) lit &= !(elsewhere && scene->ray_test(toward, false, elsewhere));
         if (m_others && !m_trace) lit &= !(on_hair && m_others->ray_test(toward, false, on_hair));
-        const Float n = count(scene, toward, on_hair && lit, sampler);
-        lit &= n >= 0.f;
-        return n;
+        const Around around = count(scene, toward, on_hair && lit, sampler);
+        lit &= around.strands >= 0.f;
+        return around;
     }
 
-    // -1 where something that is no hair blocks the way (found while tracing only).
-    Float count(const Scene *scene, const Ray3f &toward, const Mask &active, Sampler *sampler) const {
-        if (!m_some_hair) return Float(0.f);
-        if (m_trace) return traced(scene, toward, active);
-        const Float expected =
-            dr::select(active, m_grid.strands(toward.o, toward.d, dr::select(active, toward.maxt, 0.f)), 0.f);
-        return poisson(expected, sampler->next_1d(active));
+    // Strands toward the light, -1 where something that is no hair blocks the way (found while tracing only), and beyond.
+    Around count(const Scene *scene, const Ray3f &toward, const Mask &active, Sampler *sampler) const {
+        Around around{Float(0.f), Float(0.f), Float(cuticle::half_space<Float>)};
+        if (!m_some_hair) return around;
+        if (m_behind && m_has_grid) around.behind = m_grid.strands_roughly(toward.o, -toward.d, active);
+        if (m_trace) {
+            around.strands = traced(scene, toward, active);
+            return around;
+        }
+        around.expected = m_grid.strands(toward.o, toward.d, dr::select(active, toward.maxt, 0.f));
+        if (m_draws) around.strands = poisson(around.expected, sampler->next_1d(active));
+        return around;
     }
 
     // Strands scatter about their expectation as counts do, and E[a^N] = exp(tau (a - 1)) is not a^tau: N is drawn.
@@ -262,14 +280,15 @@ template <typename Float, typename Spectrum> class DualScattering final : public
     }
 
     std::pair<Spectrum, Float> eval_pdf(const BSDFPtr &bsdf, const SurfaceInteraction3f &si, const Vector3f &wo,
-                                        const Float &n, const Mask &hair, const Mask &active) const {
+                                        const Around &around, const Mask &hair, const Mask &active) const {
         Spectrum value(0.f);
         Float pdf(0.f);
         const Mask on_hair = active && hair, elsewhere = active && !hair;
         if (dr::any_or<true>(on_hair)) {
             SurfaceInteraction3f si_n(si);
-            cuticle_mitsuba::set_strands(si_n, n);
-            const auto [v, p] = bsdf->eval_pdf(cuticle_mitsuba::among_strands_context(), si_n, wo, on_hair);
+            cuticle_mitsuba::set_around(si_n, around);
+            const auto context = cuticle_mitsuba::among_strands_context(m_trace ? 0u : cuticle_mitsuba::expected_bit);
+            const auto [v, p] = bsdf->eval_pdf(context, si_n, wo, on_hair);
             value = dr::select(on_hair, v, value);
             pdf = dr::select(on_hair, p, pdf);
         }
@@ -287,7 +306,8 @@ template <typename Float, typename Spectrum> class DualScattering final : public
         Spectrum value(0.f);
         const Mask on_hair = active && hair, elsewhere = active && !hair;
         if (dr::any_or<true>(on_hair)) {
-            const auto [s, v] = bsdf->sample(cuticle_mitsuba::among_strands_context(true), si, u, u2, on_hair);
+            const auto [s, v] = bsdf->sample(cuticle_mitsuba::among_strands_context(cuticle_mitsuba::direction_only_bit), si,
+                                             u, u2, on_hair);
             dr::masked(sample, on_hair) = s;
         }
         if (dr::any_or<true>(elsewhere)) {
@@ -298,15 +318,16 @@ template <typename Float, typename Spectrum> class DualScattering final : public
         return {sample, value};
     }
 
-    bool m_trace;
+    bool m_trace, m_behind;
     int m_cells, m_most, m_emitter_samples, m_bsdf_samples;
     mutable std::mutex m_mutex;
     mutable std::atomic<const Scene *> m_scene = nullptr;
     mutable cuticle_mitsuba::HairGrid<Float> m_grid;
     mutable ref<Scene> m_others;
-    mutable bool m_some_hair = false;
+    // Some hair is there; all of it is in the grid; some of it knows no mean over what the grid expects.
+    mutable bool m_some_hair = false, m_has_grid = false, m_draws = false;
 
-    MI_TRAVERSE_CB(Base, m_grid.m_values)
+    MI_TRAVERSE_CB(Base, m_grid.m_values, m_grid.m_rough_values)
 };
 
 CUTICLE_EXPORT_PLUGIN(DualScattering)

@@ -81,11 +81,12 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
         m_about = props.get<std::string>("about");
     }
 
-    void set_flags(bool spatially_varying, bool knows_strands) {
+    // `others`: what it knows of other strands, flags of strands.h.
+    void set_flags(bool spatially_varying, uint32_t others) {
         m_components.push_back(BSDFFlags::Glossy | BSDFFlags::Anisotropic | BSDFFlags::NonSymmetric | BSDFFlags::FrontSide |
                                (spatially_varying ? BSDFFlags::SpatiallyVarying : BSDFFlags::Empty));
         m_components.push_back(BSDFFlags::Null | BSDFFlags::BackSide);
-        m_flags = m_components[0] | m_components[1] | (knows_strands ? cuticle_mitsuba::hair_flag : 0u);
+        m_flags = m_components[0] | m_components[1] | others;
     }
 
     struct Angles {

@@ -1,5 +1,5 @@
 // How the dual scattering integrator and the BSDF agree: the context says that a strand stands among others, and the
-// interaction carries how many lie between it and the light.
+// interaction carries how many.
 #pragma once
 
 #include <mitsuba/render/bsdf.h>
@@ -7,15 +7,16 @@
 
 namespace cuticle_mitsuba {
 
-// Bits of the context's type mask that no lobe type has: a strand stands among others; only a direction is asked for.
-constexpr uint32_t among_strands_bit = 1u << 31, direction_only_bit = 1u << 30;
+// Bits of the context's type mask that no lobe type has: a strand stands among others; only a direction is asked for; how
+// many others is what a density expects.
+constexpr uint32_t among_strands_bit = 1u << 31, direction_only_bit = 1u << 30, expected_bit = 1u << 29;
 
-// A flag of the BSDF that none of Mitsuba's has: it answers to such a context.
-constexpr uint32_t hair_flag = 1u << 31;
+// Flags of the BSDF that none of Mitsuba's has: it answers to such a context; it knows its mean over what is expected.
+constexpr uint32_t hair_flag = 1u << 31, mean_flag = 1u << 30;
 
-inline mitsuba::BSDFContext among_strands_context(bool direction_only = false) {
+inline mitsuba::BSDFContext among_strands_context(uint32_t bits = 0) {
     mitsuba::BSDFContext context;
-    context.type_mask |= among_strands_bit | (direction_only ? direction_only_bit : 0u);
+    context.type_mask |= among_strands_bit | bits;
     return context;
 }
 inline bool has_bit(const mitsuba::BSDFContext &context, uint32_t bit) {
@@ -24,8 +25,21 @@ inline bool has_bit(const mitsuba::BSDFContext &context, uint32_t bit) {
 inline bool among_strands(const mitsuba::BSDFContext &context) { return has_bit(context, among_strands_bit); }
 inline bool direction_only(const mitsuba::BSDFContext &context) { return has_bit(context, direction_only_bit); }
 
-// The count travels where texture differentials do, which no ray to a light has.
-template <class Interaction> auto strands(const Interaction &si) { return si.duv_dx.x(); }
-template <class Interaction, class Float> void set_strands(Interaction &si, const Float &n) { si.duv_dx = {n, Float(0)}; }
+inline bool expected(const mitsuba::BSDFContext &context) { return has_bit(context, expected_bit); }
+
+// What the interaction carries, where texture differentials travel, which no ray to a light has.
+template <class Float> struct Around {
+    Float strands;   // between it and the light: counted, or drawn about what is expected
+    Float expected;  // of their number, with the context's expected_bit
+    Float behind;    // expected beyond it, away from the light
+};
+template <class Interaction> auto around(const Interaction &si) {
+    using Float = std::decay_t<decltype(si.duv_dx.x())>;
+    return Around<Float>{si.duv_dx.x(), si.duv_dx.y(), si.duv_dy.x()};
+}
+template <class Interaction, class Float> void set_around(Interaction &si, const Around<Float> &a) {
+    si.duv_dx = {a.strands, a.expected};
+    si.duv_dy = {a.behind, Float(0)};
+}
 
 }  // namespace cuticle_mitsuba

@@ -73,6 +73,20 @@ class Averages(NamedTuple):
     back_shift: NDArray[np.float64]
     back_deviation: NDArray[np.float64]
 
+    @property
+    def pass_on(self) -> NDArray[np.float64]:
+        """What each strand passes on in a stack of them, see `pass_on`."""
+        return pass_on(self.a_f, self.a_b, self.back_energy)
+
+
+def pass_on(a_f: NDArray[np.float64], a_b: NDArray[np.float64], back_energy: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return s = a_f/(1 - a_b R), R = a_b + A_b: of light on a half space of strands s^n comes as far as n strands deep.
+
+    All orders of what goes to and fro between strands (Stokes 1862, a pile of plates); more than a_f^n, which counts light
+    that was never turned back.
+    """
+    return a_f / (1 - a_b * (a_b + back_energy))
+
 
 @lru_cache(maxsize=16)
 def azimuthal_tables(
@@ -100,17 +114,35 @@ def lobe_mask(lobes: str | Iterable[str] | None, known: tuple[str, ...]) -> int:
 
 
 def evaluate_core(
-    core: _core.Model, channels: int, mask: int, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike, strands: float
+    core: _core.Model,
+    channels: int,
+    mask: int,
+    theta_i: ArrayLike,
+    theta_r: ArrayLike,
+    phi: ArrayLike,
+    strands: ArrayLike = 0.0,
+    behind: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
-    """Return f of the core's model over angles that broadcast, last axis = channels, or raise ValueError."""
-    ti = validate.angles("theta_i", theta_i, validate.HALF_PI, np.float64)
-    tr = validate.angles("theta_r", theta_r, validate.HALF_PI, np.float64)
-    ph = validate.angles("phi", phi, 4 * np.pi, np.float64)
-    shape = validate.broadcast(theta_i=ti, theta_r=tr, phi=ph)
+    """Return f of the core's model over what broadcasts, last axis = channels, or raise ValueError.
+
+    With `behind`, both numbers of strands are expectations.
+    """
+    arrays = {
+        "theta_i": validate.angles("theta_i", theta_i, validate.HALF_PI, np.float64),
+        "theta_r": validate.angles("theta_r", theta_r, validate.HALF_PI, np.float64),
+        "phi": validate.angles("phi", phi, 4 * np.pi, np.float64),
+        "strands": np.asarray(strands, np.float64),
+    }
+    if behind is not None:
+        arrays["behind"] = behind
+    shape = validate.broadcast(**arrays)
     out = np.empty((int(np.prod(shape)), channels))
     if out.size:
-        ti, tr, ph = (validate.flat(x, shape) for x in (ti, tr, ph))
-        core.eval(ti, tr, ph, np.array([strands]), mask, out)
+        ti, tr, ph, n, *b = (validate.flat(x, shape) for x in arrays.values())
+        if b:
+            core.expected(ti, tr, ph, n, b[0], mask, out)
+        else:
+            core.eval(ti, tr, ph, n, mask, out)
     return out.reshape(*shape, channels)
 
 
@@ -188,7 +220,7 @@ class Marschner:
         >>> model.eval([0.1, 0.2], 0.0, 3.0).shape
         (2, 3)
         """
-        return evaluate_core(self._core, self.channels, lobe_mask(lobes, LOBES), theta_i, theta_r, phi, 0.0)
+        return evaluate_core(self._core, self.channels, lobe_mask(lobes, LOBES), theta_i, theta_r, phi)
 
 
 @dataclass(frozen=True)
@@ -206,7 +238,7 @@ class DualScattering:
     strands
         How many strands lie toward the light, whole or not, 0 to 10,000.
     formulation
-        "exact": every part carries the energy it stands for, all orders of backscatter are summed, the longitudinal
+        "exact": every part carries the energy it stands for, all orders of scattering are summed, the longitudinal
         function conserves energy. "zinke2008": the formulas as printed, with the Gaussian one. Default: the fibre's
         own, which is "exact" unless it says otherwise.
 
@@ -276,6 +308,64 @@ class DualScattering:
         """Return f in 1/sr, without a cosine; as `Marschner.eval`, with "back" a fourth part to ask for."""
         mask = lobe_mask(lobes, PARTS)
         return evaluate_core(self._core, self.channels, mask, theta_i, theta_r, phi, self.strands)
+
+    def expected(
+        self,
+        theta_i: ArrayLike,
+        theta_r: ArrayLike,
+        phi: ArrayLike,
+        strands: ArrayLike,
+        *,
+        behind: ArrayLike | None = None,
+        lobes: str | Iterable[str] | None = None,
+    ) -> NDArray[np.float64]:
+        """Return f's mean where a density of hair tells how many strands to expect: what a renderer asks for.
+
+        Strands scatter about what is expected of them as counts do, N ~ Poisson(τ). The mean over N of what N strands let
+        through is E[a^N g(N)] = exp(τ (a - 1)) E[g(N')] with N' ~ Poisson(τ a), a what one passes on; shift and spread are
+        those of N'.
+        The strands' own number, `self.strands`, plays no part.
+
+        Parameters
+        ----------
+        theta_i, theta_r, phi, lobes
+            As in `eval`; arrays broadcast.
+        strands
+            Expected between the strand and the light, 0 to 10,000.
+        behind
+            Expected beyond the strand, away from the light, 0 to 10,000: a stack of so many sends back less than the half
+            space of strands that dual scattering assumes, and that None stands for (Stokes 1862). "exact" only.
+
+        Returns
+        -------
+        ndarray
+            1/sr, without a cosine; broadcast shape plus a last axis of channels.
+
+        Raises
+        ------
+        ValueError
+            An angle or a number of strands out of range; `behind` with "zinke2008", which stays as printed.
+
+        Examples
+        --------
+        >>> import cuticle
+        >>> model = cuticle.DualScattering(cuticle.Fibre.preset("blond"))
+        >>> model.expected(0.1, 0.0, 3.0, [0.5, 2.0, 8.0], behind=3.0).shape
+        (3, 3)
+        """
+        n = _expected("strands", strands)
+        if behind is not None and not self._exact:
+            raise ValueError('behind is for the formulation "exact"; "zinke2008" stays as printed: leave behind out')
+        b = np.array(np.finfo(np.float64).max) if behind is None else _expected("behind", behind)
+        return evaluate_core(self._core, self.channels, lobe_mask(lobes, PARTS), theta_i, theta_r, phi, n, b)
+
+
+def _expected(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    x = np.asarray(value, np.float64)
+    wrong = x[~((x >= 0) & (x <= validate.MAX_STRANDS))]  # a NaN is wrong, too
+    if wrong.size:
+        raise ValueError(f"{name} must be in [0, {validate.MAX_STRANDS:,.0f}], got {float(wrong.flat[0]):g}")
+    return x
 
 
 def _check_fibre(fibre: object) -> None:

@@ -8,9 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import PchipInterpolator
 
 from cuticle import _core, validate
-from cuticle.models import Bcsdf, is_even
+from cuticle.models import Bcsdf, is_even, pass_on
 from cuticle.sources.tabulated import Tabulated
 
 Array = NDArray[np.float64]
@@ -26,7 +27,7 @@ _LIMIT = 0.9945  # of a right angle: at the pole itself nothing is seen
 class _Averages(NamedTuple):
     """By viewer and channel, shape (VIEWERS, channels); angles in theta_h."""
 
-    a_f: Array
+    pass_on: Array
     alpha_f: Array
     beta_f: Array
     back_energy: Array
@@ -39,7 +40,8 @@ class Strands:
 
     What `DualScattering` does for a `Fibre` in its exact form, for any function of a single strand, by quadrature: the
     fractions that go on and back and their shift and width come from f itself. Light through n strands is f averaged over
-    the half turn that it comes from, dimmed by a_f^n, moved and widened along theta by n scatterings; the backscatter of
+    the half turn that it comes from, dimmed by s^n (s is a_f and
+    what goes to and fro between the strands), moved and widened along theta by n scatterings; the backscatter of
     the strands behind is summed over all orders.
 
     Parameters
@@ -100,8 +102,7 @@ class Strands:
         if n > 0:
             table, log_energy = self._through(max(n, 1.0))
             # Energy apart: it fades by powers of n, and faster the nearer to a pole.
-            tr = np.asarray(theta_r, np.float64)
-            energy = np.exp(np.stack([np.interp(tr, self._viewers, column) for column in log_energy.T], axis=-1))
+            energy = np.exp(log_energy(np.clip(np.asarray(theta_r, np.float64), *self._viewers[[0, -1]])))
             f = f + min(n, 1.0) * energy * table.eval(theta_i, theta_r, phi)
         return f
 
@@ -150,8 +151,9 @@ class Strands:
         back = np.array(
             [[_backscatter(*(float(x[i, k]) for x in columns)) for k in range(total.shape[1])] for i in range(len(total))]
         )  # fmt: skip
-        a_f, _, alpha_f, _, beta_f, _ = columns
-        return np.array(spread), _Averages(a_f, alpha_f, beta_f, *np.moveaxis(back, 2, 0))
+        a_f, a_b, alpha_f, _, beta_f, _ = columns
+        energy, *shape = np.moveaxis(back, 2, 0)
+        return np.array(spread), _Averages(pass_on(a_f, a_b, energy), alpha_f, beta_f, energy, *shape)
 
     def _backscatter(self, theta_i: Array, theta_r: Array, phi: ArrayLike) -> Array:
         """The backscatter of the strands behind, for light that comes directly: the same for all phi."""
@@ -170,14 +172,14 @@ class Strands:
             out.reshape(*(1,) * (len(whole) - len(shape)), *shape, self.channels), (*whole, self.channels)
         )
 
-    def _through(self, n: float) -> tuple[Tabulated, Array]:
-        """F through n strands over its energy, and ln of that energy, shape (VIEWERS, channels)."""
+    def _through(self, n: float) -> tuple[Tabulated, PchipInterpolator]:
+        """F through n strands over its energy, and ln of that energy, a function of the viewer's inclination."""
         tables = self._shared.setdefault("through", {})
         if n not in tables:
             tables[n] = self._make_through(n)
         return tables[n]
 
-    def _make_through(self, n: float) -> tuple[Tabulated, Array]:
+    def _make_through(self, n: float) -> tuple[Tabulated, PchipInterpolator]:
         spread, averages = self._tables
         theta = _theta()
         weight = np.cos(theta) * np.pi / _THETA
@@ -197,9 +199,9 @@ class Strands:
             around *= np.where(np.isin(phi, phi[[0, -1]]), 1, 2)  # both sides, but where they meet
         energy = np.maximum(np.einsum("vtpc,t,p->vc", out, weight, around), 1e-300)
         f = out / (energy[:, None, None] * np.cos(theta)[:, None, None])
-        log_energy = math.log(self.d_f) + n * np.log(np.maximum(averages.a_f, 1e-300)) + np.log(energy)
+        log_energy = math.log(self.d_f) + n * np.log(np.maximum(averages.pass_on, 1e-300)) + np.log(energy)
         table = Tabulated(self._viewers, theta, phi, f, even=None if self.even else False)
-        return table, np.maximum(log_energy, _DARKEST)
+        return table, PchipInterpolator(self._viewers, np.maximum(log_energy, _DARKEST))
 
 
 def _backscatter(

@@ -113,6 +113,12 @@ nb::tuple backscatter(double a_f, double a_b, double alpha_f, double alpha_b, do
     return nb::make_tuple(a.back_energy, a.back_shift, a.back_deviation);
 }
 
+// s, the share of A_b that a stack sends back, and what comes to a strand that `count` others stand before over s^count.
+nb::tuple stack(double a_f, double a_b, double back_energy, double behind, double count) {
+    const auto s = cuticle::stack(cuticle::Averages<double>{a_f, a_b, 0, 0, 0, 0, back_energy, 0, 0}, behind);
+    return nb::make_tuple(s.pass, s.back, s.reach(count));
+}
+
 // A model ready to evaluate; it keeps the arrays it was given.
 struct Model {
     In<double> direct, spread, averages, energies;
@@ -150,21 +156,37 @@ struct Model {
         return {a.data(), static_cast<int>(a.shape(0)), static_cast<int>(a.shape(1)), static_cast<int>(a.shape(3))};
     }
 
+    // Through strands that were counted, with no end of them behind.
     void eval(const In<double> &theta_i, const In<double> &theta_r, const In<double> &phi, const In<double> &strands,
               int lobes, Out<double> out) const {
-        const auto ti = broadcast(theta_i), tr = broadcast(theta_r), ph = broadcast(phi), n = broadcast(strands);
+        static constexpr double no_end = cuticle::half_space<double>;
+        over(theta_i, theta_r, phi, broadcast(strands), {&no_end, 0}, false, lobes, out);
+    }
+    // The mean where both numbers are expectations.
+    void expected(const In<double> &theta_i, const In<double> &theta_r, const In<double> &phi, const In<double> &strands,
+                  const In<double> &behind, int lobes, Out<double> out) const {
+        over(theta_i, theta_r, phi, broadcast(strands), broadcast(behind), true, lobes, out);
+    }
+
+  private:
+    void over(const In<double> &theta_i, const In<double> &theta_r, const In<double> &phi, const Broadcast<double> &strands,
+              const Broadcast<double> &behind, bool random, int lobes, Out<double> &out) const {
+        const auto ti = broadcast(theta_i), tr = broadcast(theta_r), ph = broadcast(phi);
         const auto channels = static_cast<std::size_t>(model.direct.channels);
         parallel_for(out.shape(0), 512, [&](std::size_t begin, std::size_t end) {
             std::vector<cuticle::AzimuthalTerms<double>> terms(channels);
+            cuticle::Surroundings<double> around{-1, 0, random};
             for (std::size_t i = begin; i < end; ++i) {
-                const double t = ti[i], r = tr[i], count = n[i];
-                if (i == begin || t != ti[i - 1] || r != tr[i - 1] || count != n[i - 1]) {
-                    if (dual) cuticle::dual_scattering_terms(model, t, r, count, lobes, terms.data());
+                const double t = ti[i], r = tr[i];
+                if (i == begin || t != ti[i - 1] || r != tr[i - 1] || strands[i] != around.strands ||
+                    behind[i] != around.behind) {
+                    around = {strands[i], behind[i], random};
+                    if (dual) cuticle::dual_scattering_terms(model, t, r, around, lobes, terms.data());
                     else if (rest.rows) cuticle::chiang_far_terms(model.fibre, rest, t, r, lobes, terms.data());
                     else cuticle::marschner_terms(model.fibre, t, r, lobes, int(channels), terms.data());
                 }
                 double *f = out.data() + i * channels;
-                if (dual) cuticle::dual_scattering_around(model, terms.data(), t, r, ph[i], count, f);
+                if (dual) cuticle::dual_scattering_around(model, terms.data(), t, r, ph[i], around, f);
                 else cuticle::marschner_around(model.fibre, model.direct, terms.data(), t, r, ph[i], f);
             }
         });
@@ -282,7 +304,8 @@ void bind_models(nb::module_ &m) {
         .def(nb::init<const In<double> &, const In<double> &, bool, const In<double> &, const In<double> &,
                       const In<double> &, double, double, double>())
         .def(nb::init<const In<double> &, const In<double> &, const In<double> &, const In<double> &, double>())
-        .def("eval", &Model::eval, release());
+        .def("eval", &Model::eval, release())
+        .def("expected", &Model::expected, release());
     nb::class_<Table>(m, "Table")
         .def(nb::init<const In<double> &, const In<double> &, const In<double> &, double, bool>())
         .def("eval", &Table::eval, release());
@@ -301,6 +324,7 @@ void bind_models(nb::module_ &m) {
         .def("eval", &ChiangNear::eval, release())
         .def("pdf", &ChiangNear::pdf, release())
         .def("sample", &ChiangNear::sample, release());
+    m.def("stack", &stack);
     m.def("fresnel", [](double cos_i, double eta) { return cuticle::fresnel(cos_i, eta); });
     m.def("i0_scaled", [](double x) { return cuticle::i0_scaled(x); });
 }

@@ -169,7 +169,7 @@ template <class Float, int K> struct Table {
         };
         std::fill(out.data(), out.data() + out.size(), Float(0));
         write(s.first, s.share, out.data());
-        if (s.share < Float(1)) write(s.second, Float(1) - s.share, out.data() + cuticle::lobe_parameters * K);
+        if (s.rest > Float(0)) write(s.second, s.rest, out.data() + cuticle::lobe_parameters * K);
     }
 };
 

@@ -2,8 +2,8 @@
 
 Tolerances. The density: 1e-4 relative. In single precision a lobe's exponent z² carries a relative error of a few 1e-7 and
 is at most 60 before the density is 1e-24, which makes 3e-5; densities below 1e-12/sr are compared absolutely. Angles: 1e-4
-radians; near the ends of a lobe's cdf, where erf is within 1e-6 of ±1, single precision tells angles apart only as far as
-their probabilities differ, so there a sample may be off by that which holds a probability of 2e-6. A u for the lobe within
+radians, or what holds a probability of 1e-8: a u of exactly 0 is the end of the interval, and where that lies more than six
+deviations out no precision reaches it. A u for the lobe within
 3e-6 of the border between two lobes may choose either. Within 2e-7 radians of a pole the core holds cos(theta) above 1.2e-7:
 there a density has to be finite. Compilers that may reassociate (GLSL's, -ffast-math) merge pi/2's two parts and know
 cos(theta) to 5e-8 absolutely: their densities are allowed that, too.
@@ -26,7 +26,7 @@ from cuticle.sampler import Sampler
 COUNT = 100_000
 DIGEST = "5c144dd58fa49c16"
 COLUMNS = ("theta_i", "theta_r", "phi", "strands", "u_lobe", "u_theta", "u_phi")
-PDF, ANGLE, PROBABILITY, BORDER, LEAST, MERGED = 1e-4, 1e-4, 2e-6, 3e-6, 1e-12, 5e-8
+PDF, ANGLE, PROBABILITY, BORDER, LEAST, MERGED = 1e-4, 1e-4, 1e-8, 3e-6, 1e-12, 5e-8
 PROGRAM = Path(__file__).parent
 
 

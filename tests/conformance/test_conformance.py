@@ -48,8 +48,8 @@ def x() -> Any:
 def judge(table: list[replay.Worst], worst: replay.Worst) -> None:
     table.append(worst)
     assert worst.ok, f"{worst}; worst at {worst.at}"
-    # Samples off by more than an angle's tolerance sit at the ends of lobes, and are few.
-    assert worst.resolved >= 0.97
+    # Samples off by more than an angle's tolerance have a u of 0, an edge that some of the inputs are for.
+    assert worst.resolved >= 0.99
 
 
 def test_python_in_single_precision(sampler: Any, x: Any, table: Any) -> None:

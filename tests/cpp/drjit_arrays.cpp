@@ -41,8 +41,15 @@ template <class Float> struct Traced {
     static void eval(const Model &m, const Float &theta_i, const Float &theta_r, const Float &phi, const Float &n,
                      Float *f) {
         cuticle::AzimuthalTerms<Float> terms[3];
-        cuticle::dual_scattering_terms(m, theta_i, theta_r, n, cuticle::mask_all, terms);
-        cuticle::dual_scattering_around(m, terms, theta_i, theta_r, phi, n, f);
+        cuticle::dual_scattering_terms(m, theta_i, theta_r, cuticle::counted(n), cuticle::mask_all, terms);
+        cuticle::dual_scattering_around(m, terms, theta_i, theta_r, phi, cuticle::counted(n), f);
+    }
+    static void mean(const Model &m, const Float &theta_i, const Float &theta_r, const Float &phi, const Float &n,
+                     const Float &behind, Float *f) {
+        const cuticle::Surroundings<Float> around{n, behind, true};
+        cuticle::AzimuthalTerms<Float> terms[3];
+        cuticle::dual_scattering_terms(m, theta_i, theta_r, around, cuticle::mask_all, terms);
+        cuticle::dual_scattering_around(m, terms, theta_i, theta_r, phi, around, f);
     }
     static cuticle::Sample<Float> chiang(const cuticle::ChiangFibre<float> &hair, const Float &theta_r, const Float &h,
                                          const float *sigma_a, const float *luminance, const Float *u, Float *f) {

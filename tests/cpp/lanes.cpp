@@ -172,13 +172,17 @@ template <class Float> int compare_model(cuticle::Formulation formulation, std::
         if (round % 4 == 0) n = Lanes(counts[round / 4 % 6]);
         const int lobes = round % 3 == 0 ? static_cast<int>(cuticle::mask_all) : static_cast<int>(rng() % 16);
         cuticle::AzimuthalTerms<Lanes> terms[channels];
-        cuticle::dual_scattering_terms(model, theta_i, theta_r, n, lobes, terms);
-        cuticle::dual_scattering_around(model, terms, theta_i, theta_r, phi, n, f);
+        const bool random = round % 2 == 1;
+        const Lanes behind = Lanes(random ? counts[round / 2 % 6] : cuticle::half_space<Float>);
+        const cuticle::Surroundings<Lanes> around{n, behind, random};
+        cuticle::dual_scattering_terms(model, theta_i, theta_r, around, lobes, terms);
+        cuticle::dual_scattering_around(model, terms, theta_i, theta_r, phi, around, f);
         for (int i = 0; i < simd::width; ++i) {
             Float one[channels];
             cuticle::AzimuthalTerms<Float> own[channels];
-            cuticle::dual_scattering_terms(model, theta_i.v[i], theta_r.v[i], n.v[i], lobes, own);
-            cuticle::dual_scattering_around(model, own, theta_i.v[i], theta_r.v[i], phi.v[i], n.v[i], one);
+            const cuticle::Surroundings<Float> here{n.v[i], behind.v[i], random};
+            cuticle::dual_scattering_terms(model, theta_i.v[i], theta_r.v[i], here, lobes, own);
+            cuticle::dual_scattering_around(model, own, theta_i.v[i], theta_r.v[i], phi.v[i], here, one);
             for (int c = 0; c < channels; ++c)  // exponents of up to 1/variance, in single precision
                 wrong += !(std::abs(f[c].v[i] - one[c]) <= Float(1e-3) * one[c] + Float(1e-7));
         }

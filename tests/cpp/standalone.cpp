@@ -35,6 +35,34 @@ template <class Float> int run() {
         wrong += !(std::abs(cuticle::theta_of(direction) - s.theta_i) <= Float(1e-3));
         wrong += !(std::abs(cuticle::math::nearest_turn(Float(cuticle::phi_of(direction) - s.phi))) <= Float(1e-3));
     }
+    // Hair in wider cells: nothing is lost, and straight through a full box there is as much to meet.
+    constexpr int fine[3] = {5, 4, 3}, factor = 2;
+    constexpr int wide[3] = {cuticle::coarse_size(fine[0], factor), cuticle::coarse_size(fine[1], factor),
+                             cuticle::coarse_size(fine[2], factor)};
+    Float cells[5 * 4 * 3 * cuticle::density_columns], wider[3 * 2 * 2 * cuticle::density_columns];
+    double before = 0, after = 0;
+    for (int i = 0; i < 5 * 4 * 3; ++i)
+        for (int c = 0; c < cuticle::density_columns; ++c) {
+            cells[i * cuticle::density_columns + c] = c == 0 ? Float(i % 7) : Float(0);  // all along x
+            before += double(cells[i * cuticle::density_columns + c]);
+        }
+    const cuticle::DensityGrid<Float> hair_in_cells{
+        cells, {fine[0], fine[1], fine[2]}, {Float(0), Float(0), Float(0)}, {Float(1), Float(1), Float(1)}};
+    cuticle::coarsen(hair_in_cells, factor, wider);
+    for (const Float &value : wider) after += double(value) * factor * factor * factor;
+    wrong += !(std::abs(after - before) <= 1e-4 * before);
+    const cuticle::DensityGrid<Float> rough{
+        wider, {wide[0], wide[1], wide[2]}, {Float(0), Float(0), Float(0)}, {Float(2), Float(2), Float(2)}};
+    const Float from[] = {Float(1), Float(-1), Float(1)};  // between four columns of cells of one wide one
+    const cuticle::Direction<Float> up{Float(0), Float(1), Float(0)};
+    double through = 0;
+    for (const Float &x : {Float(.5), Float(1.5)})
+        for (const Float &z : {Float(.5), Float(1.5)}) {
+            const Float start[] = {x, Float(-1), z};
+            through += .25 * double(cuticle::count_strands(hair_in_cells, start, up, Float(100)));
+        }
+    wrong += !(std::abs(double(cuticle::count_strands(rough, from, up, Float(100))) - through) <= 2e-4 * through);
+
     // A viewer that is no number is read within the table, and gives none.
     const volatile Float none = std::numeric_limits<Float>::quiet_NaN();  // known only when it runs
     wrong += !std::isnan(cuticle::pdf(table, Float(.1), Float(none), Float(.2), Float(0)));

@@ -1,0 +1,74 @@
+"""What a sampler can take away from a picture's noise, and what none can: brown hair in the same light from everywhere.
+
+Directions come from the BSDF alone. For each groom: how many times less noise than with uniform sampling the picture has at
+equal samples, with 4 lobes and with 16, and with 16 fitted to all three channels alike; and of the noise with 4 lobes, what
+is left when every hit is lit by very many directions (hits and misses within a pixel, strands of different brightness). The
+rest is light that other strands block: with all of f taken care of, a direction brings all or nothing. `--data DIR` adds
+real grooms.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+import cuticle
+from cuticle.console import table
+from cuticle.models import Marschner
+from cuticle.quality import UniformSphere, measure
+from cuticle.render.groom import Groom
+from cuticle.render.scene import Light, View, bsdf, integrator, load_scene, mitsuba
+from dual_scattering import grooms
+
+RUNS, SPP, MANY = 8, 16, 32
+GROOMS = ("ball", "ponytail x 9", "bear")
+
+
+def noise(mi: Any, groom: Groom, view: View, material: dict[str, Any], directions: int = 1) -> float:
+    """Variance of a picture of SPP samples over its squared mean, as relMSE weighs it, with so many directions a hit."""
+    how = integrator("direct", emitter_samples=0, bsdf_samples=directions)
+    scene = load_scene(mi, groom, material, view=view, light=Light("env"), technique=how)
+    stack = np.array([np.array(mi.render(scene, spp=SPP, seed=k), np.float64)[..., :3] for k in range(RUNS)])
+    return float((stack.var(axis=0, ddof=1) / (stack.mean(axis=0) ** 2 + 0.01)).mean())
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    default = Path(os.environ.get("CUTICLE_DATA", Path(__file__).parents[1] / "../shared/data"))
+    parser.add_argument("--data", type=Path, default=default if default.exists() else None)
+    parser.add_argument("--size", type=int, default=128)
+    arguments = parser.parse_args()
+    mi = mitsuba("scalar_rgb")
+    listing = table("brown hair, light from everywhere, BSDF sampling alone, at equal samples")
+    for name in ("groom", "4 lobes", "16 lobes", "16 lobes, rgb", "4 lobes' noise: within a pixel", "blocked light"):
+        listing.add_column(name, justify="left" if name == "groom" else "right")
+    console = Console(width=120)
+    model = Marschner(cuticle.Fibre.preset("brown"), "energy_conserving")
+    samplers = {k: cuticle.fit(model, k).sampler for k in (4, 16)}
+    for name, density in (("uniform", UniformSphere()), *((f"{k} lobes", s) for k, s in samplers.items())):
+        ess = [measure(density, model, float(np.radians(t)), 0.0).ess for t in (0, 30, 60)]
+        console.print(f"ESS of {name}, at theta_r 0, 30, 60: {', '.join(f'{x:.4f}' for x in ess)}")
+    view = View(width=arguments.size, height=arguments.size)
+    with tempfile.TemporaryDirectory() as folder:
+        path = cuticle.fit(model, 16, objective="rgb").sampler.save(Path(folder) / "rgb.json")
+        lobes = [bsdf("brown"), bsdf("brown", lobes=16), bsdf(str(path))]
+        for name, groom in grooms(arguments.data).items():
+            if name not in GROOMS:
+                continue
+            uniform = noise(mi, groom, view, bsdf("brown", "uniform"))
+            four, *others = (noise(mi, groom, view, material) for material in lobes)
+            # noise = within + blocked / directions
+            blocked = (1 - noise(mi, groom, view, lobes[0], MANY) / four) / (1 - 1 / MANY)
+            gains = (f"{uniform / x:.2f} x" for x in (four, *others))
+            listing.add_row(name, *gains, f"{1 - blocked:.0%}", f"{blocked:.0%}")
+    console.print(listing)
+
+
+if __name__ == "__main__":
+    main()
