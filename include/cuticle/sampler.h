@@ -117,7 +117,9 @@ template <class Float, int K> struct PreparedSampler {
     CUTICLE_INLINE Sample<Float> sample(const Float &u_lobe, const Float &u_theta, const Float &u_phi) const {
         if (!blended) return first.sample(u_lobe, u_theta, u_phi);
         const auto in_first = u_lobe < share;
-        const Float beyond = (u_lobe - share) / math::max(rest, Float(smallest<Float>));
+        // Below 1, whatever share and rest were rounded to: at 1 a lobe of weight 0 would be chosen.
+        const Float beyond =
+            math::min(Float((u_lobe - share) / math::max(rest, Float(smallest<Float>))), Float(1 - .5 * epsilon<Float>));
         const Float u = select(in_first, Float(u_lobe / share), beyond);
         const ChosenLobe<Float> a = first.choose(u), b = second.choose(u);
         const ChosenLobe<Float> chosen{select_normal(in_first, a.theta, b.theta), select_normal(in_first, a.phi, b.phi)};
