@@ -5,6 +5,7 @@ Real grooms are read from $CUTICLE_DATA/hair where it is there; else the ball al
 
 from __future__ import annotations
 
+import argparse
 import os
 import resource
 import statistics
@@ -22,13 +23,13 @@ from cuticle.render.groom import Groom, join_grooms, read_groom
 from cuticle.render.procedural import hair_ball
 from cuticle.render.scene import View, bsdf, integrator, load_scene, mitsuba
 
-ROUNDS, SPP, SIZE = 5, 8, 512
+SPP, SIZE = 8, 512
 
 
-def seconds(mi: Any, scenes: dict[str, Any]) -> dict[str, float]:
+def seconds(mi: Any, scenes: dict[str, Any], rounds: int) -> dict[str, float]:
     """Median rendering time of each, rounds interleaved."""
     times: dict[str, list[float]] = {name: [] for name in scenes}
-    for k in range(ROUNDS + 1):
+    for k in range(rounds + 1):
         for name, scene in scenes.items():
             begin = time.perf_counter()
             np.array(mi.render(scene, spp=SPP, seed=k))
@@ -38,6 +39,9 @@ def seconds(mi: Any, scenes: dict[str, Any]) -> dict[str, float]:
 
 
 def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rounds", type=int, default=5)
+    arguments = parser.parse_args()
     console = Console(width=110)
     data = Path(os.environ.get("CUTICLE_DATA", Path(__file__).parents[1] / "../shared/data")) / "hair" / "tressfx"
     grooms: dict[str, Groom] = {"ball": hair_ball()}
@@ -73,7 +77,7 @@ def main() -> None:
             "path": (bsdf("brown"), integrator("path", depth=64)),
         }
         loaded = {k: load_scene(mi, groom, m, view=view, technique=t) for k, (m, t) in scenes.items()}
-        times = seconds(mi, loaded)
+        times = seconds(mi, loaded, arguments.rounds)
         listing.add_row(name, *(f"{times[k] / times['direct']:.2f}" for k in ("hair", "grid", "grid 128", "trace", "path")))
     console.print(listing)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024**2
