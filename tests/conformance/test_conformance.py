@@ -48,8 +48,6 @@ def x() -> Any:
 def judge(table: list[replay.Worst], worst: replay.Worst) -> None:
     table.append(worst)
     assert worst.ok, f"{worst}; worst at {worst.at}"
-    # Samples off by more than an angle's tolerance have a u of 0, an edge that some of the inputs are for.
-    assert worst.resolved >= 0.99
 
 
 def test_python_in_single_precision(sampler: Any, x: Any, table: Any) -> None:
@@ -71,7 +69,7 @@ def test_cpp_alone_in_an_empty_folder(sampler: Any, x: Any, table: Any, compiler
         double = replay.compare("double", fitted, x, replay.compiled(command, header, x, tmp_path, precision="double"))
         # The table is single precision, and nothing else.
         assert double.pdf <= 5e-6
-        assert double.angle <= 0.01
+        assert double.angle <= 1e-6
 
 
 def test_cuda(sampler: Any, x: Any, table: Any, tmp_path: Path) -> None:
