@@ -4,7 +4,8 @@ Tolerances. The density: 1e-4 relative. In single precision a lobe's exponent zÂ
 is at most 60 before the density is 1e-24, which makes 3e-5; densities below 1e-12/sr are compared absolutely. Angles: 1e-4
 radians, to the very ends of a lobe. A u for the lobe within 3e-6 of the border between two lobes may choose either. Within
 2e-7 radians of a pole the core holds cos(theta) above 1.2e-7: there a density has to be finite. Compilers that may
-reassociate (GLSL's, -ffast-math) merge pi/2's two parts and know cos(theta) to 5e-8 absolutely: their densities are allowed that, too.
+reassociate (GLSL's, -ffast-math) merge pi/2's two parts and know cos(theta) to 5e-8 absolutely: their densities are
+allowed that, too.
 """
 
 from __future__ import annotations
