@@ -75,14 +75,14 @@ class FibreTables:
         return sum(t.nbytes for t in (self.direct, self.spread, self.averages, self.rest) if t is not None)
 
     def thinned(self, row_step: int, column_step: int) -> FibreTables:
-        """Return every so many rows and columns of them."""
+        """Return every so many rows and columns of them; all averages, few as they are, whose powers strands take."""
 
         def thin(table: NDArray | None, columns: int = 1) -> Any:
             return None if table is None else np.ascontiguousarray(table[::row_step, ::columns], np.float32)
 
         return replace(
             self, direct=thin(self.direct, column_step), spread=thin(self.spread, column_step),
-            averages=thin(self.averages), rest=thin(self.rest),
+            rest=thin(self.rest),
         )  # fmt: skip
 
     def core(self) -> _core.Model:
