@@ -85,7 +85,7 @@ def pass_on(a_f: NDArray[np.float64], a_b: NDArray[np.float64], back_energy: NDA
     All orders of what goes to and fro between strands (Stokes 1862, a pile of plates); more than a_f^n, which counts light
     that was never turned back.
     """
-    return a_f / (1 - a_b * (a_b + back_energy))
+    return np.vectorize(lambda f, b, back: _core.stack(f, b, back, 0.0, 0.0)[0], otypes=[float])(a_f, a_b, back_energy)
 
 
 @lru_cache(maxsize=16)
