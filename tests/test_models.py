@@ -142,7 +142,7 @@ def test_stacks_agree_with_a_walk_over_strands(before: int, behind: int | None) 
         if behind is not None:
             inside &= place <= own + behind
         place, heading = place[inside], heading[inside]
-    # Standard errors of a million walks: below .3 % of the rarest of these.
+    # Standard errors of a million walks: below .5 % of the rarest of these.
     assert arrived / count == pytest.approx(passed**before * reach, rel=0.01)
     # What comes from behind and passes the strand again is backscatter.
     assert returned * a_f / arrived == pytest.approx(energy * back, rel=0.015, abs=1e-12)
