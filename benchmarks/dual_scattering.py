@@ -2,7 +2,8 @@
 
 For each groom, hair and light: brightness over the path tracer's (mean of the covered part, each channel), relMSE against it
 (less the noise of both: what is left is bias), time over Mitsuba's `direct` at equal samples, and how many times longer the
-path tracer takes to the same noise: the product of time and variance between runs, path over dual.
+path tracer takes to the same noise: the product of time and variance between runs, path over dual. In light from everywhere
+the grid runs a second time with directions from the BSDF alone. `--groom NAME`, repeated, picks some; rows come one by one.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import Any
 
 import numpy as np
 from rich.console import Console
+from rich.live import Live
 
 from cuticle.console import table
 from cuticle.render.groom import Groom, join_grooms, read_groom
@@ -57,8 +59,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     default = Path(os.environ.get("CUTICLE_DATA", Path(__file__).parents[1] / "../shared/data"))
     parser.add_argument("--data", type=Path, default=default if default.exists() else None)
-    parser.add_argument("--size", type=int, default=192)
+    parser.add_argument("--size", type=int, default=128)
+    parser.add_argument("--groom", action="append", help="one of these alone; may be repeated")
     arguments = parser.parse_args()
+    found = grooms(arguments.data)
+    chosen = arguments.groom or list(found)
+    if unknown := [name for name in chosen if name not in found]:
+        parser.error(f"--groom must be one of {', '.join(found)}; got {', '.join(unknown)}")
     mi = mitsuba("scalar_rgb")
     view = View(width=arguments.size, height=arguments.size)
     grid = table(f"dual scattering beside path tracing to depth 64, {arguments.size} x {arguments.size}")
@@ -74,25 +81,30 @@ def main() -> None:
     )
     for name in names:
         grid.add_column(name, justify="left" if name in names[:4] else "right")
-    console = Console(width=130)
-    for groom_name, groom in grooms(arguments.data).items():
-        for light in ("env", "area"):
-            for fibre in ("blond", "black"):
-                path = runs(mi, groom, fibre, light, view, integrator("path", depth=64))
-                direct = runs(mi, groom, fibre, light, view, integrator("direct"))
-                for counter in ("grid", "trace"):
-                    dual = runs(mi, groom, fibre, light, view, integrator("dual", counter=counter))
-                    grid.add_row(
-                        groom_name,
-                        fibre,
-                        light,
-                        counter,
-                        ", ".join(f"{x:.2f}" for x in dual["bright"] / path["bright"]),
-                        f"{max(rel_mse(dual['image'], path['image']) - (dual['noise'] + path['noise']) / RUNS, 0):.4f}",
-                        f"{dual['seconds'] / direct['seconds']:.2f}",
-                        f"{path['noise'] * path['seconds'] / (dual['noise'] * dual['seconds']):.1f}",
-                    )
-    console.print(grid)
+    console = Console(width=140)
+    with Live(grid, console=console, auto_refresh=False) as live:
+        for name in chosen:
+            for light in ("env", "area"):
+                for fibre in ("blond", "black"):
+                    path = runs(mi, found[name], fibre, light, view, integrator("path", depth=64))
+                    direct = runs(mi, found[name], fibre, light, view, integrator("direct"))
+                    ways = {"grid": integrator("dual"), "trace": integrator("dual", counter="trace")}
+                    if light == "env":
+                        ways["grid, BSDF alone"] = integrator("dual", emitter_samples=0)
+                    for counter, how in ways.items():
+                        dual = runs(mi, found[name], fibre, light, view, how)
+                        bias = rel_mse(dual["image"], path["image"]) - (dual["noise"] + path["noise"]) / RUNS
+                        grid.add_row(
+                            name,
+                            fibre,
+                            light,
+                            counter,
+                            ", ".join(f"{x:.2f}" for x in dual["bright"] / path["bright"]),
+                            f"{max(bias, 0):.4f}",
+                            f"{dual['seconds'] / direct['seconds']:.2f}",
+                            f"{path['noise'] * path['seconds'] / (dual['noise'] * dual['seconds']):.1f}",
+                        )
+                        live.refresh()
 
 
 if __name__ == "__main__":

@@ -3,8 +3,8 @@
 Directions come from the BSDF alone. For each groom: how many times less noise than with uniform sampling the picture has at
 equal samples, with 4 lobes and with 16, and with 16 fitted to all three channels alike; and of the noise with 4 lobes, what
 is left when every hit is lit by very many directions (hits and misses within a pixel, strands of different brightness). The
-rest is light that other strands block: with all of f taken care of, a direction brings all or nothing. `--data DIR` adds
-real grooms.
+rest is light that other strands block: with all of f taken care of, a direction brings all or nothing. Noise is a picture's
+variance over the square of one mean for all, that of the picture lit by very many. `--data DIR` adds real grooms.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 
 import cuticle
@@ -26,16 +27,20 @@ from cuticle.render.groom import Groom
 from cuticle.render.scene import Light, View, bsdf, integrator, load_scene, mitsuba
 from dual_scattering import grooms
 
-RUNS, SPP, MANY = 8, 16, 32
-GROOMS = ("ball", "ponytail x 9", "bear")
+RUNS, SPP, MANY = 8, 32, 32
+GROOMS = ("ball", "ponytail", "ponytail x 9", "bear")
 
 
-def noise(mi: Any, groom: Groom, view: View, material: dict[str, Any], directions: int = 1) -> float:
-    """Variance of a picture of SPP samples over its squared mean, as relMSE weighs it, with so many directions a hit."""
+def pictures(mi: Any, groom: Groom, view: View, material: dict[str, Any], directions: int = 1) -> NDArray[np.float64]:
+    """RUNS pictures of SPP samples a pixel, (runs, height, width, 3), lit by so many directions a hit."""
     how = integrator("direct", emitter_samples=0, bsdf_samples=directions)
     scene = load_scene(mi, groom, material, view=view, light=Light("env"), technique=how)
-    stack = np.array([np.array(mi.render(scene, spp=SPP, seed=k), np.float64)[..., :3] for k in range(RUNS)])
-    return float((stack.var(axis=0, ddof=1) / (stack.mean(axis=0) ** 2 + 0.01)).mean())
+    return np.array([np.array(mi.render(scene, spp=SPP, seed=k), np.float64)[..., :3] for k in range(RUNS)])
+
+
+def noise(stack: NDArray[np.float64], mean: NDArray[np.float64]) -> float:
+    """The pictures' variance over the squared mean, as relMSE weighs it."""
+    return float((stack.var(axis=0, ddof=1) / (mean**2 + 0.01)).mean())
 
 
 def main() -> None:
@@ -61,10 +66,13 @@ def main() -> None:
         for name, groom in grooms(arguments.data).items():
             if name not in GROOMS:
                 continue
-            uniform = noise(mi, groom, view, bsdf("brown", "uniform"))
-            four, *others = (noise(mi, groom, view, material) for material in lobes)
+            calm = pictures(mi, groom, view, lobes[0], MANY)
+            uniform, four, *others = (
+                noise(pictures(mi, groom, view, material), calm.mean(axis=0))
+                for material in (bsdf("brown", "uniform"), *lobes)
+            )
             # noise = within + blocked / directions
-            blocked = (1 - noise(mi, groom, view, lobes[0], MANY) / four) / (1 - 1 / MANY)
+            blocked = (1 - noise(calm, calm.mean(axis=0)) / four) / (1 - 1 / MANY)
             gains = (f"{uniform / x:.2f} x" for x in (four, *others))
             listing.add_row(name, *gains, f"{1 - blocked:.0%}", f"{blocked:.0%}")
     console.print(listing)
