@@ -1,4 +1,5 @@
-// One row of a sampler's table in Mitsuba's memory: the lobes for one viewer, of whichever number the table has.
+// One row of a sampler's table in Mitsuba's memory: the lobes for one viewer, of whichever number the table has. Traced
+// arrays' code is compiled once, in mixture.cpp.
 #pragma once
 
 #include "drjit_traits.h"
@@ -9,6 +10,7 @@
 #include <stdexcept>
 
 #include "cuticle/sampler.h"
+#include "variants.h"
 
 namespace cuticle_mitsuba {
 
@@ -40,13 +42,8 @@ template <class Float> class Mixture {
     int lobes() const { return m_lobes; }
 
     // 1/sr.
-    Float pdf(const Float &theta_i, const Float &theta_r, const Float &phi) const {
-        return visit(theta_r, [&](const auto &lobes) { return lobes.pdf(theta_i, phi); });
-    }
-    cuticle::Sample<Float> sample(const Float &theta_r, const Float &u_lobe, const Float &u_theta,
-                                  const Float &u_phi) const {
-        return visit(theta_r, [&](const auto &lobes) { return lobes.sample(u_lobe, u_theta, u_phi); });
-    }
+    Float pdf(const Float &theta_i, const Float &theta_r, const Float &phi) const;
+    cuticle::Sample<Float> sample(const Float &theta_r, const Float &u_lobe, const Float &u_theta, const Float &u_phi) const;
 
     Buffer<Float> m_nodes;
 
@@ -64,14 +61,26 @@ template <class Float> class Mixture {
         }
     }
     template <int K> auto prepare(const Float &theta_r) const {
-        static constexpr float none[] = {0};
         const Memory<Float> nodes = memory<Float>(m_nodes);
-        const cuticle::LobeTable<float, K, Memory<Float>> table{nodes, nodes, none, 1, m_theta_nodes, m_even};
-        return cuticle::prepare(table, theta_r, Float(0));
+        const cuticle::LobeTable<float, K, Memory<Float>> table{nodes, nodes, nullptr, 1, m_theta_nodes, m_even};
+        return cuticle::lobes_at(table, cuticle::locate_theta(table, theta_r), cuticle::RowPosition<float>{0, 0.f, false});
     }
 
     int m_lobes = 0, m_theta_nodes = 0;
     bool m_even = true;
 };
+
+template <class Float> Float Mixture<Float>::pdf(const Float &theta_i, const Float &theta_r, const Float &phi) const {
+    return visit(theta_r, [&](const auto &lobes) { return lobes.pdf(theta_i, phi); });
+}
+
+template <class Float>
+cuticle::Sample<Float> Mixture<Float>::sample(const Float &theta_r, const Float &u_lobe, const Float &u_theta,
+                                              const Float &u_phi) const {
+    return visit(theta_r, [&](const auto &lobes) { return lobes.sample(u_lobe, u_theta, u_phi); });
+}
+
+extern template class Mixture<CUTICLE_LLVM>;
+extern template class Mixture<CUTICLE_CUDA>;
 
 }  // namespace cuticle_mitsuba
