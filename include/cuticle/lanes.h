@@ -114,7 +114,7 @@ CUTICLE_INLINE bool interpolate_lanes(const T *data, const PackIndex<W> &first, 
 }
 
 // Lanes that go side by side: as many floats as a vector holds.
-template <class T> using BatchLanes = Pack<T, CUTICLE_VECTOR_BYTES / 4, CUTICLE_VECTOR_BYTES>;
+template <class T> using BatchLanes = Pack<T, CUTICLE_VECTOR_BYTES / 4, detail::lane_bytes>;
 
 namespace detail {
 

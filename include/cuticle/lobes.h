@@ -171,7 +171,7 @@ template <class Float, int K> struct Lobes {
     CUTICLE_INLINE static Float pick(const Both &x, int i) {
         if constexpr (std::is_arithmetic_v<Float>) {
             Float lanes[2 * K];
-            std::memcpy(lanes, &x.v, sizeof lanes);
+            for (int c = 0; c < Both::chunks; ++c) std::memcpy(lanes + c * Both::width, &x.v[c], sizeof x.v[c]);
             return lanes[i];
         } else {
             return x[i];
