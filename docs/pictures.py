@@ -74,7 +74,7 @@ def heads(mi: Any, data: Path) -> None:
             scene = load_scene(
                 mi, groom, material, view=view, light=Light("studio"), technique=integrator("dual"), others=others
             )
-            rows.append(over_backdrop(render(scene, 96, progress=progress).image * np.array([1.35] * 3 + [1])))
+            rows.append(over_backdrop(render(scene, 256, progress=progress).image * np.array([1.35] * 3 + [1])))
     write_bytes(IMAGES / "heads.png", png(srgb(np.concatenate(rows, axis=1))))
 
 

@@ -106,7 +106,7 @@ template <class Float, int K> struct PreparedSampler {
     Lobes<Float, K> first, second;
     Float share,
         rest;      // of `first`, 1 nearly always, and of `second`: a difference from 1 would lose the digits of a small one
-    bool blended;  // whether `second` is there at all
+    bool blended;  // whether `second` is other than `first`
 
     CUTICLE_INLINE Float pdf(const Float &theta_i, const Float &phi) const {
         const Float p = first.pdf(theta_i, phi);
@@ -224,7 +224,7 @@ CUTICLE_INLINE PreparedSampler<Float, K> prepare(const LobeTable<Scalar, K, Memo
     const RowPosition<Float> rows = locate_row(table, strands);
     if (is_blended(table, rows)) return prepare_blended(table, at, rows);
     PreparedSampler<Float, K> out;
-    out.first = lobes_at(table, at, rows);
+    out.first = out.second = lobes_at(table, at, rows);
     out.share = Float(1);
     out.rest = Float(0);
     out.blended = false;
