@@ -112,7 +112,6 @@ using ChunksOf = Chunks<typename Chunk<T, chunk_width<T, N, B>()>::type, N / chu
                         (chunk_width<T, N, B>() > 1 && B < lane_bytes)>;
 
 }  // namespace detail
-
 }  // namespace cuticle
 
 #endif  // CUTICLE_CHUNK_H
