@@ -154,11 +154,11 @@ CUTICLE_INLINE LobeValues<Float, K> interpolate_theta(const LobeTable<Scalar, K,
                                     load<Float, 2 * K>(table.nodes, Index(i + Index(lobe_sigma_theta * K)))};
     };
     const Index first = (row * Index(table.theta_nodes) + at.node) * Index(size);
-    if constexpr (is_pack<Float> && std::is_same_v<Memory, const scalar_t<Float> *>) {
-        LobeValues<Float, K> out;
+    LobeValues<Float, K> out;  // the one thing returned, here and below: lanes' values are too many to be copied
+    if constexpr (is_pack<Float> && std::is_same_v<Memory, const scalar_t<Float> *>)
         if (interpolate_lanes(table.nodes, first, at.t, out)) return out;
-    }
-    return node(first).mix(at.t, node(Index(first + Index(size))));
+    out = node(first).mix(at.t, node(Index(first + Index(size))));
+    return out;
 }
 
 // The lobes' parameters where no two rows' densities are mixed: on a row, the usual case, nothing else is touched.
@@ -170,9 +170,10 @@ CUTICLE_INLINE LobeValues<Float, K> values_at(const LobeTable<Scalar, K, Memory>
     using Row = typename Traits::Index;
     const bool on_lower = !Traits::any(rows.s > Count(0)), on_upper = !Traits::any(rows.s < Count(1));
     const Row next = rows.row + Row(1);
-    const LobeValues<Float, K> values = interpolate_theta(table, Index(on_upper ? next : rows.row), at);
-    if (table.rows == 1 || on_lower || on_upper) return values;
-    return values.mix(Float(rows.s), interpolate_theta(table, Index(next), at));
+    LobeValues<Float, K> values = interpolate_theta(table, Index(on_upper ? next : rows.row), at);
+    if (!(table.rows == 1 || on_lower || on_upper))
+        values = values.mix(Float(rows.s), interpolate_theta(table, Index(next), at));
+    return values;
 }
 
 template <class Float, class Count, class Scalar, int K, class Memory>
