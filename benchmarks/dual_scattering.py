@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.live import Live
 
@@ -39,6 +40,11 @@ def grooms(data: Path | None) -> dict[str, Groom]:
     return found
 
 
+def noise(stack: NDArray[np.float64], mean: NDArray[np.float64]) -> float:
+    """Variance of pictures, (runs, height, width, 3), over the squared mean, as relMSE weighs it."""
+    return float((stack.var(axis=0, ddof=1) / (mean**2 + 0.01)).mean())
+
+
 def runs(mi: Any, groom: Groom, fibre: str, light: str, view: View, how: dict[str, Any], scale: int = 1) -> dict[str, Any]:
     """Mean picture, variance of one run's luminance over the pixels' means, and seconds a run."""
     scene = load_scene(mi, groom, bsdf(fibre), view=view, light=Light(light), technique=how)
@@ -50,7 +56,7 @@ def runs(mi: Any, groom: Groom, fibre: str, light: str, view: View, how: dict[st
         seconds += time.perf_counter() - begin
     stack = np.array(images)
     mean = stack.mean(axis=0)
-    variance = float((stack[..., :3].var(axis=0, ddof=1) / (mean[..., :3] ** 2 + 0.01)).mean())
+    variance = noise(stack[..., :3], mean[..., :3])
     bright = mean[..., :3].sum(axis=(0, 1)) / mean[..., 3].sum()
     return {"image": mean, "noise": variance, "seconds": seconds / RUNS, "bright": bright}
 

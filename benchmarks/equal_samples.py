@@ -25,7 +25,7 @@ from cuticle.models import Marschner
 from cuticle.quality import UniformSphere, measure
 from cuticle.render.groom import Groom
 from cuticle.render.scene import Light, View, bsdf, integrator, load_scene, mitsuba
-from dual_scattering import grooms
+from dual_scattering import grooms, noise
 
 RUNS, SPP, MANY = 8, 32, 32
 GROOMS = ("ball", "ponytail", "ponytail x 9", "bear")
@@ -36,11 +36,6 @@ def pictures(mi: Any, groom: Groom, view: View, material: dict[str, Any], direct
     how = integrator("direct", emitter_samples=0, bsdf_samples=directions)
     scene = load_scene(mi, groom, material, view=view, light=Light("env"), technique=how)
     return np.array([np.array(mi.render(scene, spp=SPP, seed=k), np.float64)[..., :3] for k in range(RUNS)])
-
-
-def noise(stack: NDArray[np.float64], mean: NDArray[np.float64]) -> float:
-    """The pictures' variance over the squared mean, as relMSE weighs it."""
-    return float((stack.var(axis=0, ddof=1) / (mean**2 + 0.01)).mean())
 
 
 def main() -> None:
@@ -67,12 +62,11 @@ def main() -> None:
             if name not in GROOMS:
                 continue
             calm = pictures(mi, groom, view, lobes[0], MANY)
-            uniform, four, *others = (
-                noise(pictures(mi, groom, view, material), calm.mean(axis=0))
-                for material in (bsdf("brown", "uniform"), *lobes)
-            )
+            mean = calm.mean(axis=0)
+            materials = (bsdf("brown", "uniform"), *lobes)
+            uniform, four, *others = (noise(pictures(mi, groom, view, m), mean) for m in materials)
             # noise = within + blocked / directions
-            blocked = (1 - noise(calm, calm.mean(axis=0)) / four) / (1 - 1 / MANY)
+            blocked = (1 - noise(calm, mean) / four) / (1 - 1 / MANY)
             gains = (f"{uniform / x:.2f} x" for x in (four, *others))
             listing.add_row(name, *gains, f"{1 - blocked:.0%}", f"{blocked:.0%}")
     console.print(listing)

@@ -63,6 +63,7 @@ template <class Float> class Mixture {
     template <int K> auto prepare(const Float &theta_r) const {
         const Memory<Float> nodes = memory<Float>(m_nodes);
         const cuticle::LobeTable<float, K, Memory<Float>> table{nodes, nodes, nullptr, 1, m_theta_nodes, m_even};
+        // One row: nothing to find, and no two to blend.
         return cuticle::lobes_at(table, cuticle::locate_theta(table, theta_r), cuticle::RowPosition<float>{0, 0.f, false});
     }
 
