@@ -3,9 +3,9 @@
 The scattering function is one strand's (`cuticle.Marschner`): energy-conserving for brown, blond and black, Gaussian for the
 document fibre, as its preset has it. Beside lobes: the uniform sphere; the function's own lobes after d'Eon, Marschner and
 Hanika 2013 (benchmarks/alternatives.h); a table of 64 × 128 cells of theta_i and |phi| for each of 25 viewers, the densities
-of two viewers mixed. Costs are medians of interleaved rounds on one thread (g++ -O3 -march=native, if not told) in
-calibration kernels, 16 expf calls, timed in the same rounds. Whether the alternatives draw what their pdf says is checked as
-well.
+of two viewers mixed. Costs are medians of interleaved rounds on one thread (g++ -O3 -march=native, if not told), each pass timed
+after one that is not, in calibration kernels, 16 expf calls, timed in the same rounds. Whether the alternatives draw what
+their pdf says is checked as well.
 """
 
 from __future__ import annotations

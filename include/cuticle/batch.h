@@ -3,21 +3,11 @@
 #ifndef CUTICLE_BATCH_H
 #define CUTICLE_BATCH_H
 
-#include "cuticle/lanes.h"
+#include "cuticle/row.h"
 
 namespace cuticle {
 
 namespace detail {
-
-template <bool Fine, class Lanes> CUTICLE_INLINE CentralNormal<Lanes> theta_normal(const Lanes &mean, const Lanes &sigma) {
-    const Lanes pole(half_pi<double>);
-    return central_normal<Fine>(mean, sigma, Lanes(-pole), pole);
-}
-template <bool Fine, class Lanes>
-CUTICLE_INLINE CentralNormal<Lanes> phi_normal(const Lanes &mean, const Lanes &sigma, bool even) {
-    const Lanes turn(pi<double>);
-    return central_normal<Fine>(mean, sigma, even ? Lanes(0) : Lanes(mean - turn), even ? turn : Lanes(mean + turn));
-}
 
 // One lobe's density, each of its numbers in every lane: lobe by lobe all stays in registers.
 template <class Lanes> struct LaneLobe {
@@ -49,6 +39,12 @@ template <class Mixture, class Lanes> struct LaneSampler {
         return per_steradian(density(theta_i, math::nearest_turn(phi)), theta_i);
     }
     CUTICLE_INLINE Sample<Lanes> sample(const Lanes &u_lobe, const Lanes &u_theta, const Lanes &u_phi) const {
+        Sample<Lanes> s = direction(u_lobe, u_theta, u_phi);
+        s.pdf = sample_per_steradian(density(s.theta_i, s.phi), s.theta_i);
+        return s;
+    }
+    // Without its pdf.
+    CUTICLE_INLINE Sample<Lanes> direction(const Lanes &u_lobe, const Lanes &u_theta, const Lanes &u_phi) const {
         // Scaled by the sum that is reached in this very order, as in Lobes::choose: never into a lobe of weight 0.
         Lanes total = self().weight(0), below = Lanes(0);
         for (int k = 1; k < self().count; ++k) total = total + self().weight(k);
@@ -57,9 +53,7 @@ template <class Mixture, class Lanes> struct LaneSampler {
             below = k == 1 ? self().weight(0) : below + self().weight(k - 1);
             return u >= below;
         };
-        Sample<Lanes> s = draw(self().choose(past), u_theta, u_phi, self().even);
-        s.pdf = sample_per_steradian(density(s.theta_i, s.phi), s.theta_i);
-        return s;
+        return draw(self().choose(past), u_theta, u_phi, self().even);  // its pdf is 0 yet
     }
 
   private:
@@ -133,6 +127,18 @@ template <class Lanes, class T, int K> struct LanePoint : LaneSampler<LanePoint<
     }
 };
 
+// A sample without its pdf, where that is to be had for less.
+template <class Mixture, class Lanes>
+CUTICLE_INLINE Sample<Lanes> direction(const LaneSampler<Mixture, Lanes> &mixture, const Lanes &u_lobe, const Lanes &u_theta,
+                                       const Lanes &u_phi) {
+    return mixture.direction(u_lobe, u_theta, u_phi);
+}
+template <class Lanes, int K>
+CUTICLE_INLINE Sample<Lanes> direction(const PreparedSampler<Lanes, K> &blend, const Lanes &u_lobe, const Lanes &u_theta,
+                                       const Lanes &u_phi) {
+    return blend.sample(u_lobe, u_theta, u_phi);
+}
+
 // body(first, how many, mixture at their viewers and numbers of strands) for groups that fill the lanes.
 template <class T, int K, class Body>
 CUTICLE_INLINE void each_group(const LobeTable<T, K> &table, std::size_t count, const T *theta_r, const T *strands,
@@ -163,6 +169,11 @@ void pdf_batch(const LobeTable<T, K> &table, std::size_t count, const T *theta_i
                const T *strands, bool each, T *out) {
     if constexpr (CUTICLE_NATIVE_PACK && std::is_same_v<T, float>) {
         using Lanes = BatchLanes<T>;
+#if CUTICLE_NATIVE_SHUFFLE
+        const RowPosition<T> row = locate_row(table, each ? T(0) : strands[0]);
+        if (!each && !is_blended(table, row) && detail::RowDensities<K>::serves(table, count))
+            return detail::RowDensities<K>(table, row).pdf(count, theta_i, theta_r, phi, out);
+#endif
         detail::each_group(table, count, theta_r, strands, each, [&](std::size_t i, int n, const auto &mixture) {
             const auto get = [&](const T *from) { return detail::read<Lanes>(from + i, n); };
             detail::write(mixture.pdf(get(theta_i), get(phi)), out + i, n);
@@ -179,13 +190,24 @@ void sample_batch(const LobeTable<T, K> &table, std::size_t count, const T *thet
                   const T *u_phi, const T *strands, bool each, T *theta_i, T *phi, T *density) {
     if constexpr (CUTICLE_NATIVE_PACK && std::is_same_v<T, float>) {
         using Lanes = BatchLanes<T>;
-        detail::each_group(table, count, theta_r, strands, each, [&](std::size_t i, int n, const auto &mixture) {
-            const auto get = [&](const T *from) { return detail::read<Lanes>(from + i, n); };
-            const Sample<Lanes> s = mixture.sample(get(u_lobe), get(u_theta), get(u_phi));
-            detail::write(s.theta_i, theta_i + i, n);
-            detail::write(s.phi, phi + i, n);
-            detail::write(s.pdf, density + i, n);
-        });
+        const auto sample_groups = [&](const auto &of) {
+            detail::each_group(table, count, theta_r, strands, each, [&](std::size_t i, int n, const auto &mixture) {
+                const auto get = [&](const T *from) { return detail::read<Lanes>(from + i, n); };
+                const Sample<Lanes> s = of(mixture, get(u_lobe), get(u_theta), get(u_phi));
+                detail::write(s.theta_i, theta_i + i, n);
+                detail::write(s.phi, phi + i, n);
+                detail::write(s.pdf, density + i, n);
+            });
+        };
+#if CUTICLE_NATIVE_SHUFFLE
+        // One or two lobes' densities cost less than the way by a row, where these are looked up anyway.
+        const RowPosition<T> row = locate_row(table, each ? T(0) : strands[0]);
+        if (K > 2 && !each && !is_blended(table, row) && detail::RowDensities<K>::serves(table, count)) {
+            sample_groups([](const auto &mixture, const auto &...u) { return detail::direction(mixture, u...); });
+            return detail::RowDensities<K>(table, row).pdf(count, theta_i, theta_r, phi, density);
+        }
+#endif
+        sample_groups([](const auto &mixture, const auto &...u) { return mixture.sample(u...); });
     } else {
         for (std::size_t i = 0; i < count; ++i) {
             const Sample<T> s = sample(table, theta_r[i], u_lobe[i], u_theta[i], u_phi[i], each ? strands[i] : strands[0]);

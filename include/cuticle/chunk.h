@@ -100,6 +100,7 @@ template <class Vector, int Count> struct Chunks<Vector, Count, true> {
     Chunks() = default;
     CUTICLE_INLINE Chunks(const Chunks &x) { *this = x; }
     CUTICLE_INLINE Chunks &operator=(const Chunks &x) {
+        CUTICLE_UNROLL
         for (int i = 0; i < Count; ++i) v[i] = x.v[i];
         return *this;
     }

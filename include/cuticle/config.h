@@ -15,6 +15,13 @@
 #define CUTICLE_INLINE CUTICLE_HD inline
 #endif
 
+// Loops over the vectors of a pack: taken one by one even where the compiler would not (GCC at -O2), they stay in registers.
+#if defined(__GNUC__) && !defined(__CUDACC__) && !defined(__HIPCC__)
+#define CUTICLE_UNROLL _Pragma("GCC unroll 16")
+#else
+#define CUTICLE_UNROLL
+#endif
+
 // Whether this pass compiles for a GPU, where an array indexed by a variable lies in slow memory.
 #if defined(__CUDA_ARCH__) || defined(__HIP_DEVICE_COMPILE__)
 #define CUTICLE_DEVICE 1

@@ -18,6 +18,7 @@
 #include "cuticle/math.h"
 #include "cuticle/multiple_scattering.h"
 #include "cuticle/optics.h"
+#include "cuticle/row.h"
 #include "cuticle/sampler.h"
 #include "cuticle/tabulated.h"
 

@@ -113,6 +113,20 @@ CUTICLE_INLINE bool interpolate_lanes(const T *data, const PackIndex<W> &first, 
     return false;
 }
 
+namespace detail {
+// A lobe in every lane, along theta and along phi.
+template <bool Fine, class Lanes> CUTICLE_INLINE CentralNormal<Lanes> theta_normal(const Lanes &mean, const Lanes &sigma) {
+    const Lanes pole(half_pi<double>);
+    return central_normal<Fine>(mean, sigma, Lanes(-pole), pole);
+}
+template <bool Fine, class Lanes>
+CUTICLE_INLINE CentralNormal<Lanes> phi_normal(const Lanes &mean, const Lanes &sigma, bool even) {
+    const Lanes turn(pi<double>);
+    return central_normal<Fine>(mean, sigma, even ? Lanes(0) : Lanes(mean - turn), even ? turn : Lanes(mean + turn));
+}
+
+}  // namespace detail
+
 // Lanes that go side by side: as many floats as a vector holds.
 template <class T> using BatchLanes = Pack<T, CUTICLE_VECTOR_BYTES / 4, detail::lane_bytes>;
 

@@ -27,6 +27,7 @@ struct Pack : detail::ChunksOf<T, N, B> {
     CUTICLE_INLINE explicit Pack(const PackIndex<N> &x) {
 #if CUTICLE_NATIVE_PACK
         if constexpr (std::is_same_v<T, float> && width > 1) {
+            CUTICLE_UNROLL
             for (int i = 0; i < chunks; ++i) {
                 typename detail::NativeChunk<width>::Integer n;
                 std::memcpy(&n, x.v + i * width, sizeof n);
@@ -38,6 +39,7 @@ struct Pack : detail::ChunksOf<T, N, B> {
         for (int i = 0; i < N; ++i) set(i, T(x.v[i]));
     }
     CUTICLE_INLINE void fill(const T &x) {
+        CUTICLE_UNROLL
         for (Chunk &c : v)
             if constexpr (width > 1) c = x - Chunk{};
             else c = x;
@@ -85,6 +87,7 @@ template <class T, int N, int B> struct ArrayTraits<Pack<T, N, B>> {
 #if CUTICLE_NATIVE_PACK
         if constexpr (std::is_same_v<T, float> && Pack<T, N, B>::width > 1) {
             constexpr int width = Pack<T, N, B>::width;
+            CUTICLE_UNROLL
             for (int i = 0; i < Pack<T, N, B>::chunks; ++i) {
                 const auto n = __builtin_convertvector(x.v[i], typename detail::NativeChunk<width>::Integer);
                 std::memcpy(r.v + i * width, &n, sizeof n);
@@ -102,6 +105,7 @@ template <class T, int N, int B> struct ArrayTraits<Pack<T, N, B>> {
     }
     static CUTICLE_INLINE bool any(const PackMask<T, N, B> &mask) {
         bool found = false;
+        CUTICLE_UNROLL
         for (const auto &chunk : mask.m)
 #if CUTICLE_NATIVE_PACK
             if constexpr (Pack<T, N, B>::width > 1) found |= detail::any_bit(chunk);
@@ -116,6 +120,7 @@ template <class T, int N, int B> struct ArrayTraits<Pack<T, N, B>> {
     template <class T, int N, int B>                                                           \
     CUTICLE_INLINE Pack<T, N, B> operator op(const Pack<T, N, B> &a, const Pack<T, N, B> &b) { \
         Pack<T, N, B> r;                                                                       \
+        CUTICLE_UNROLL                                                                         \
         for (int i = 0; i < Pack<T, N, B>::chunks; ++i) r.v[i] = a.v[i] op b.v[i];             \
         return r;                                                                              \
     }
@@ -129,6 +134,7 @@ CUTICLE_PACK_BINARY(/)
     template <class T, int N, int B>                                                               \
     CUTICLE_INLINE PackMask<T, N, B> operator op(const Pack<T, N, B> &a, const Pack<T, N, B> &b) { \
         PackMask<T, N, B> r;                                                                       \
+        CUTICLE_UNROLL                                                                             \
         for (int i = 0; i < Pack<T, N, B>::chunks; ++i) r.m[i] = a.v[i] op b.v[i];                 \
         return r;                                                                                  \
     }
@@ -140,6 +146,7 @@ CUTICLE_PACK_COMPARE(>=)
 
 template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> operator-(const Pack<T, N, B> &a) {
     Pack<T, N, B> r;
+    CUTICLE_UNROLL
     for (int i = 0; i < Pack<T, N, B>::chunks; ++i) r.v[i] = -a.v[i];
     return r;
 }
@@ -147,6 +154,7 @@ template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> operator-(const Pa
 template <class T, int N, int B>
 CUTICLE_INLINE Pack<T, N, B> select(const PackMask<T, N, B> &mask, const Pack<T, N, B> &a, const Pack<T, N, B> &b) {
     Pack<T, N, B> r;
+    CUTICLE_UNROLL
     for (int i = 0; i < Pack<T, N, B>::chunks; ++i)
         if constexpr (Pack<T, N, B>::width > 1) r.v[i] = mask.m[i] ? a.v[i] : b.v[i];
         else r.v[i] = select(mask.m[i], a.v[i], b.v[i]);
@@ -155,6 +163,7 @@ CUTICLE_INLINE Pack<T, N, B> select(const PackMask<T, N, B> &mask, const Pack<T,
 
 template <class T, int N> CUTICLE_INLINE Pack<T, N> load_pack(const T *data) {
     Pack<T, N> r;
+    CUTICLE_UNROLL
     for (int i = 0; i < Pack<T, N>::chunks; ++i)
         if constexpr (std::is_arithmetic_v<T>) std::memcpy(&r.v[i], data + i * Pack<T, N>::width, sizeof r.v[i]);
         else r.v[i] = data[i];
@@ -166,6 +175,7 @@ template <class T, int N, int B> CUTICLE_INLINE Pack<T, 2 * N, B> join(const Pac
     using From = Pack<T, N, B>;
     Pack<T, 2 * N, B> r;
     if constexpr (Pack<T, 2 * N, B>::width == From::width) {
+        CUTICLE_UNROLL
         for (int i = 0; i < From::chunks; ++i) {
             r.v[i] = a.v[i];
             r.v[From::chunks + i] = b.v[i];
@@ -186,6 +196,7 @@ template <int Part, class T, int N, int B> CUTICLE_INLINE Pack<T, N / 2, B> half
     using To = Pack<T, N / 2, B>;
     To r;
     if constexpr (To::width == Pack<T, N, B>::width) {
+        CUTICLE_UNROLL
         for (int i = 0; i < To::chunks; ++i) r.v[i] = a.v[Part * To::chunks + i];
 #if CUTICLE_NATIVE_SHUFFLE
     } else if constexpr (To::width > 1 && To::chunks == 1) {

@@ -42,6 +42,7 @@ CUTICLE_INLINE auto chunk_min(const NativeChunk<16>::Single &a, const NativeChun
 // All here is found from cuticle::math by argument-dependent lookup, as an array type's own functions are.
 template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> pack_max(const Pack<T, N, B> &a, const Pack<T, N, B> &b) {
     Pack<T, N, B> r;
+    CUTICLE_UNROLL
     for (int i = 0; i < Pack<T, N, B>::chunks; ++i)
         if constexpr (Pack<T, N, B>::width > 1) r.v[i] = detail::chunk_max(a.v[i], b.v[i]);
         else r.v[i] = math::max(a.v[i], b.v[i]);
@@ -49,6 +50,7 @@ template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> pack_max(const Pac
 }
 template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> pack_min(const Pack<T, N, B> &a, const Pack<T, N, B> &b) {
     Pack<T, N, B> r;
+    CUTICLE_UNROLL
     for (int i = 0; i < Pack<T, N, B>::chunks; ++i)
         if constexpr (Pack<T, N, B>::width > 1) r.v[i] = detail::chunk_min(a.v[i], b.v[i]);
         else r.v[i] = math::min(a.v[i], b.v[i]);
@@ -58,6 +60,7 @@ template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> pack_min(const Pac
 template <int N, int B>
 CUTICLE_INLINE Pack<float, N, B> round_power(const Pack<float, N, B> &t, Pack<float, N, B> &rounded) {
     Pack<float, N, B> power;
+    CUTICLE_UNROLL
     for (int i = 0; i < Pack<float, N, B>::chunks; ++i) {
 #if CUTICLE_NATIVE_PACK
         if constexpr (Pack<float, N, B>::width > 1) {
@@ -84,6 +87,7 @@ template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> pack_decay(const P
 template <int N, int B>
 CUTICLE_INLINE Pack<float, N, B> split_power(const Pack<float, N, B> &x, Pack<float, N, B> &exponent) {
     Pack<float, N, B> mantissa;
+    CUTICLE_UNROLL
     for (int i = 0; i < Pack<float, N, B>::chunks; ++i) {
 #if CUTICLE_NATIVE_PACK
         if constexpr (Pack<float, N, B>::width > 1) {

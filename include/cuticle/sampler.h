@@ -65,16 +65,20 @@ template <class Float> struct ThetaPosition {
     Float t;  // fraction towards node + 1
 };
 
-template <class Float, class Scalar, int K, class Memory>
-CUTICLE_INLINE ThetaPosition<Float> locate_theta(const LobeTable<Scalar, K, Memory> &table, const Float &theta_r) {
+// Among equal cells from -pi/2 to pi/2.
+template <class Float> CUTICLE_INLINE ThetaPosition<Float> locate_cell(int cells, const Float &theta_r) {
     using Index = typename ArrayTraits<Float>::Index;
-    const Float last = Float(table.theta_nodes - 1);
+    const Float last = Float(cells);
     // Just below the last node, so that there is one after it. In this order what is no number reads the first node, and
     // stays none by its fraction.
     const Float x = math::min(math::max(Float(0), Float((theta_r * Float(1 / pi<double>) + Float(.5)) * last)),
                               Float(last * Float(1 - epsilon<Float>)));
     const Index node = ArrayTraits<Float>::to_index(x);
     return {node, Float((x - Float(node)) + Float(0) * theta_r)};
+}
+template <class Float, class Scalar, int K, class Memory>
+CUTICLE_INLINE ThetaPosition<Float> locate_theta(const LobeTable<Scalar, K, Memory> &table, const Float &theta_r) {
+    return locate_cell(table.theta_nodes - 1, theta_r);
 }
 
 // Where the number of strands falls. From 0 strands to the first positive count the scattering function is a blend of two

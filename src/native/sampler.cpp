@@ -92,11 +92,32 @@ template <class Float, int K> struct Table {
         });
     }
 
+    // `row`: told once, for all threads.
+    template <class Row, class Broadcast>
+    static void by_row(const Row &row, const Broadcast &theta_i, const Broadcast &theta_r, const Broadcast &phi,
+                       Out<Float> out) {
+        blocks(out.size(), [&](std::size_t begin, std::size_t count) {
+            Float x[3][block];
+            for (std::size_t i = 0; i < count; ++i)
+                x[0][i] = theta_i[begin + i], x[1][i] = theta_r[begin + i], x[2][i] = phi[begin + i];
+            row.pdf(count, x[0], x[1], x[2], out.data() + begin);
+        });
+    }
+
     void pdf(const In<Float> &theta_i, const In<Float> &theta_r, const In<Float> &phi, const In<Float> &n,
              Out<Float> out) const {
         const auto ti = broadcast(theta_i), ph = broadcast(phi);
         if (in_lanes(theta_r, n)) {
             const auto tr = broadcast(theta_r), ns = broadcast(n);
+#if CUTICLE_NATIVE_SHUFFLE
+            if constexpr (std::is_same_v<Float, float>) {
+                using Row = cuticle::detail::RowDensities<K>;
+                if (n.size() == 1 && Row::serves(view, out.size())) {
+                    const auto row = cuticle::locate_row(view, n.data()[0]);
+                    if (!cuticle::is_blended(view, row)) return by_row(Row(view, row), ti, tr, ph, out);
+                }
+            }
+#endif
             blocks(out.size(), [&](std::size_t begin, std::size_t count) {
                 Float x[4][block];
                 for (std::size_t i = 0; i < count; ++i) {
