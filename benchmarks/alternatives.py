@@ -3,9 +3,9 @@
 The scattering function is one strand's (`cuticle.Marschner`): energy-conserving for brown, blond and black, Gaussian for the
 document fibre, as its preset has it. Beside lobes: the uniform sphere; the function's own lobes after d'Eon, Marschner and
 Hanika 2013 (benchmarks/alternatives.h); a table of 64 × 128 cells of theta_i and |phi| for each of 25 viewers, the densities
-of two viewers mixed. Costs are medians of interleaved rounds on one thread (g++ -O3 -march=native, if not told), each pass timed
-after one that is not, in calibration kernels, 16 expf calls, timed in the same rounds. Whether the alternatives draw what
-their pdf says is checked as well.
+of two viewers mixed. Costs are medians of interleaved rounds on one thread (g++ -O3 -march=native, if not told) in
+calibration kernels, 16 expf calls, timed in the same rounds. Whether the alternatives draw what their pdf says is checked as
+well.
 """
 
 from __future__ import annotations
@@ -160,7 +160,7 @@ def tell(result: dict[str, object]) -> None:
 
 def tell_costs(costs: dict[str, float]) -> None:
     unit = costs["calibration"]
-    title = "Lobes: cost in calibration kernels. batch: arrays of 4096, a viewer each; viewer: one for all of them"
+    title = "Lobes: cost in calibration kernels. batch: arrays of 65,536, a viewer each; viewer: one for all of them"
     table = Table(box=box.SIMPLE_HEAD, title=title)
     columns = (
         "float pdf", "float sample", "double pdf", "double sample", "batch pdf", "batch sample", "prepared pdf",
@@ -173,6 +173,8 @@ def tell_costs(costs: dict[str, float]) -> None:
     out.print(table)
     each = [costs[f"K=4, n=2 each {what}"] / unit for what in ("pdf", "sample")]
     out.print(f"K=4, batch with 0 to 8 strands, a number each: pdf {each[0]:.2f}, sample {each[1]:.2f}")
+    small = ", ".join(f"{costs[f'K=4 batch pdf by {n}'] / unit:.2f} by {n:,}" for n in (1024, 4096))
+    out.print(f"K=4, batch pdf in smaller arrays: {small}")
 
 
 def picture(results: list[dict[str, object]], path: Path) -> None:
@@ -224,7 +226,7 @@ def picture(results: list[dict[str, object]], path: Path) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--fibres", default="document,brown,blond,black", help="presets, with commas between")
-    parser.add_argument("--rounds", type=int, default=201)
+    parser.add_argument("--rounds", type=int, default=25)
     parser.add_argument("--march", default="native", help="the compiler's -march, x86-64 for what runs on all of them")
     parser.add_argument("--picture", type=Path, help="also draw the results there")
     arguments = parser.parse_args()

@@ -1,8 +1,7 @@
 """Costs and effective sample sizes, as tables.
 
 Costs are medians of interleaved rounds on one thread in single precision (g++ -O3 -march=native), as multiples of a
-calibration kernel timed in the same rounds: 16 independent expf calls on varying inputs; each pass is timed after one that is
-not. Efficiency is ESS over cost.
+calibration kernel timed in the same rounds: 16 independent expf calls on varying inputs. Efficiency is ESS over cost.
 """
 
 from __future__ import annotations

@@ -88,23 +88,24 @@ template <class T, int W, int B, int K>
 CUTICLE_INLINE bool interpolate_lanes(const T *data, const PackIndex<W> &first, const Pack<T, W, B> &t,
                                       LobeValues<Pack<T, W, B>, K> &out) {
 #if CUTICLE_NATIVE_SHUFFLE
-    if constexpr (std::is_same_v<T, float> && (W == 4 || W == 8 || W == 16) && Pack<T, W, B>::chunks == 1 && K % 4 == 0) {
+    if constexpr (std::is_same_v<T, float> && (W == 4 || W == 8 || W == 16) && Pack<T, W, B>::chunks == 1) {
         constexpr std::make_integer_sequence<int, W> all;
-        constexpr int size = lobe_parameters * K;
+        constexpr int size = lobe_parameters * K, fours = (size + 3) / 4;
+        const auto start = [](int q) { return 4 * q < size - 4 ? 4 * q : size - 4; };  // the last may overlap the one before
         const auto &s = t.v[0];
         const detail::Quads<W> share[4] = {detail::pick<0, 0, 0, 0>(s, s, all), detail::pick<1, 1, 1, 1>(s, s, all),
                                            detail::pick<2, 2, 2, 2>(s, s, all), detail::pick<3, 3, 3, 3>(s, s, all)};
-        detail::Quads<W> r[size / 4][4], turned[4];
+        detail::Quads<W> r[fours][4], turned[4];
 #pragma GCC unroll 4
         for (int k = 0; k < 4; ++k)  // a lane's numbers lie side by side
 #pragma GCC unroll 8
-            for (int q = 0; q < size / 4; ++q) {
-                const auto a = detail::read_quads<W>(data + 4 * q, first.v + k);
-                r[q][k] = a + share[k] * (detail::read_quads<W>(data + size + 4 * q, first.v + k) - a);
+            for (int q = 0; q < fours; ++q) {
+                const auto a = detail::read_quads<W>(data + start(q), first.v + k);
+                r[q][k] = a + share[k] * (detail::read_quads<W>(data + size + start(q), first.v + k) - a);
             }
-        for (int q = 0; q < size / 4; ++q) {
+        for (int q = 0; q < fours; ++q) {
             detail::turn_over<W>(r[q], turned);
-            for (int j = 0; j < 4; ++j) detail::parameter(out, 4 * q + j).v[0] = turned[j];
+            for (int j = 0; j < 4; ++j) detail::parameter(out, start(q) + j).v[0] = turned[j];
         }
         return true;
     }
