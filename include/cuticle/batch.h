@@ -163,7 +163,8 @@ CUTICLE_INLINE void each_group(const LobeTable<T, K> &table, std::size_t count, 
 
 }  // namespace detail
 
-// pdf of `count` directions in 1/sr. Structure of arrays; `strands` is one number for all or, with `each`, an array.
+// pdf of `count` directions in 1/sr. Structure of arrays; `strands` is one number for all or, with `each`, an array. What is
+// written overlaps nothing that is read.
 template <class T, int K>
 void pdf_batch(const LobeTable<T, K> &table, std::size_t count, const T *theta_i, const T *theta_r, const T *phi,
                const T *strands, bool each, T *out) {
