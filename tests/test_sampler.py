@@ -48,6 +48,17 @@ def test_pdf_integrates_to_one_at_every_viewer(document_fit: cuticle.Fit) -> Non
             assert abs(integrate_pdf(sampler, sampler, float(theta_r), strands, np.float32) - 1) <= 1e-4
 
 
+@pytest.mark.parametrize("strands", [0.0, 0.4, 1.0, 3.0, 30.0])
+def test_arrays_of_one_number_of_strands_in_single_precision(strands: float, document_fit: cuticle.Fit) -> None:
+    """From 1,024 viewers on by way of a row's polynomials; conformance's tolerance."""
+    rng = np.random.default_rng(7)
+    directions = rng.uniform([[-1.5], [-1.5], [-3.1]], [[1.5], [1.5], [3.1]], (3, 5003)).astype(np.float32)
+    single = document_fit.sampler.pdf(*directions, np.float32(strands))
+    double = document_fit.sampler.pdf(*directions.astype(np.float64), float(np.float32(strands)))
+    assert single.dtype == np.float32
+    np.testing.assert_allclose(single, double, rtol=1e-4, atol=1e-12)
+
+
 @pytest.mark.parametrize("even", [True, False])
 def test_samples_follow_the_cells_of_the_closed_form_cdfs(even: bool) -> None:
     from cuticle.cells import Cells

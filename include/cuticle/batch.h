@@ -172,7 +172,7 @@ void pdf_batch(const LobeTable<T, K> &table, std::size_t count, const T *theta_i
         using Lanes = BatchLanes<T>;
 #if CUTICLE_NATIVE_SHUFFLE
         const RowPosition<T> row = locate_row(table, each ? T(0) : strands[0]);
-        if (!each && !is_blended(table, row) && detail::RowDensities<K>::serves(table, count))
+        if (!each && detail::RowDensities<K>::serves(table, row, count))
             return detail::RowDensities<K>(table, row).pdf(count, theta_i, theta_r, phi, out);
 #endif
         detail::each_group(table, count, theta_r, strands, each, [&](std::size_t i, int n, const auto &mixture) {
@@ -203,7 +203,7 @@ void sample_batch(const LobeTable<T, K> &table, std::size_t count, const T *thet
 #if CUTICLE_NATIVE_SHUFFLE
         // One or two lobes' densities cost less than the way by a row, where these are looked up anyway.
         const RowPosition<T> row = locate_row(table, each ? T(0) : strands[0]);
-        if (K > 2 && !each && !is_blended(table, row) && detail::RowDensities<K>::serves(table, count)) {
+        if (K > 2 && !each && detail::RowDensities<K>::serves(table, row, count)) {
             sample_groups([](const auto &mixture, const auto &...u) { return detail::direction(mixture, u...); });
             return detail::RowDensities<K>(table, row).pdf(count, theta_i, theta_r, phi, density);
         }

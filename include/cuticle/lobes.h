@@ -26,12 +26,14 @@ CUTICLE_HD CentralNormal<Float> select_normal(const Mask &mask, const CentralNor
             select(mask, a.low, b.low),   select(mask, a.mass, b.mass), select(mask, a.under, b.under)};
 }
 
+// Of two normals of height 1 times their rates; an even lobe is shared by either sign.
+constexpr double lobe_height(bool even) { return two_over_sqrt_pi<double> * two_over_sqrt_pi<double> * (even ? .5 : 1.); }
+
 // What a lobe's exp is multiplied by: its weight and the norms of both coordinates, given the products of their rates, of
 // their masses and of what these are over. One division.
 template <class Set>
 CUTICLE_INLINE Set lobe_scale(const Set &weight, const Set &rates, const Set &masses, const Set &unders, bool even) {
-    const double norm = two_over_sqrt_pi<double> * two_over_sqrt_pi<double> * (even ? .5 : 1.);
-    return weight * rates * Set(norm) * unders / masses;
+    return weight * rates * Set(lobe_height(even)) * unders / masses;
 }
 
 // From a periodic lobe's mean, the short way round: of azimuths within half a turn and a whole turn of 0.

@@ -63,12 +63,11 @@ template <int K> class RowDensities {
     bool even;
 
   public:
-    // Making it takes as long as some three hundred directions lane by lane.
-    static bool serves(const LobeTable<float, K> &table, std::size_t count) {
-        return table.theta_nodes <= most_cells + 1 && count >= 1024;
+    // Where no two rows' densities are blended; making it takes as long as some three hundred directions lane by lane.
+    static bool serves(const LobeTable<float, K> &table, const RowPosition<float> &rows, std::size_t count) {
+        return table.theta_nodes <= most_cells + 1 && count >= 1024 && !is_blended(table, rows);
     }
 
-    // Where no two rows' densities are blended.
     RowDensities(const LobeTable<float, K> &table, const RowPosition<float> &rows) : even(table.even) {
         const int parts = 2 * (table.theta_nodes - 1) <= most_cells ? 2 : 1;  // of the interval between two nodes
         cells = parts * (table.theta_nodes - 1);
@@ -173,7 +172,8 @@ template <int K> class RowDensities {
             CUTICLE_UNROLL
             for (int j = 0; j < terms / 2; ++j) to.series[j].v[c] = turned[j];
         }
-        // What is left out, told by the last terms, in T_6 and T_7, whose highest powers have 32 and 64.
+        // What is left out: half the last term, in T_7, whose highest power has 64, where terms fall by a third and more
+        // each; and a tenth of the one before, whose has 32, in case the last one happens to vanish.
         const Eight last = to.series[terms / 2 - 1];
         const Four rest = Four(.1 / 32) * math::abs(half<0>(last)) + Four(.5 / 64) * math::abs(half<1>(last));
         const Four told = select(rest < Four(1e-6) * half<0>(to.series[0]), Four(1), Four(0));  // what is no number is not
@@ -202,7 +202,6 @@ template <int K> class RowDensities {
     template <bool Even>
     CUTICLE_INLINE void locate(Block &b, int i, int n, const float *theta_i, const float *theta_r, const float *phi) const {
         if (n > width) n = width;
-        const double norm = two_over_sqrt_pi<double> * two_over_sqrt_pi<double> * (Even ? .5 : 1.);
         const ThetaPosition<Lanes> at = locate_cell(cells, read<Lanes>(theta_r + i, n));
         const Lanes theta = read<Lanes>(theta_i + i, n), place = math::nearest_turn(read<Lanes>(phi + i, n));
         const auto cell = at.node.chunk(0);
@@ -210,7 +209,7 @@ template <int K> class RowDensities {
         write(Lanes(at.t + at.t - Lanes(1)), b.u + i, width);
         write(theta, b.theta + i, width);
         write(Even ? math::abs(place) : place, b.place + i, width);
-        write(per_steradian(Lanes(norm), theta), b.scale + i, width);
+        write(per_steradian(Lanes(lobe_height(Even)), theta), b.scale + i, width);
     }
 
     template <bool Even> CUTICLE_INLINE void one(Block &b, int j, const Lobes4 &l, int to) const {

@@ -112,9 +112,9 @@ template <class Float, int K> struct Table {
 #if CUTICLE_NATIVE_SHUFFLE
             if constexpr (std::is_same_v<Float, float>) {
                 using Row = cuticle::detail::RowDensities<K>;
-                if (n.size() == 1 && Row::serves(view, out.size())) {
+                if (n.size() == 1) {
                     const auto row = cuticle::locate_row(view, n.data()[0]);
-                    if (!cuticle::is_blended(view, row)) return by_row(Row(view, row), ti, tr, ph, out);
+                    if (Row::serves(view, row, out.size())) return by_row(Row(view, row), ti, tr, ph, out);
                 }
             }
 #endif
