@@ -27,7 +27,9 @@ CUTICLE_HD CentralNormal<Float> select_normal(const Mask &mask, const CentralNor
 }
 
 // Of two normals of height 1 times their rates; an even lobe is shared by either sign.
-constexpr double lobe_height(bool even) { return two_over_sqrt_pi<double> * two_over_sqrt_pi<double> * (even ? .5 : 1.); }
+CUTICLE_INLINE constexpr double lobe_height(bool even) {
+    return two_over_sqrt_pi<double> * two_over_sqrt_pi<double> * (even ? .5 : 1.);
+}
 
 // What a lobe's exp is multiplied by: its weight and the norms of both coordinates, given the products of their rates, of
 // their masses and of what these are over. One division.
