@@ -1,4 +1,4 @@
-"""Whether Mitsuba's LLVM variants run here: Dr.Jit ends the process with an LLVM that is too old."""
+"""Whether a variant of Mitsuba runs here: Dr.Jit ends the process with an LLVM that is too old."""
 
 from __future__ import annotations
 
@@ -14,10 +14,26 @@ def llvm_version() -> tuple[int, ...] | None:
     return tuple(dr.detail.llvm_version())
 
 
-def check_llvm(variant: str) -> None:
-    """Raise RuntimeError with the remedy where an LLVM variant of Mitsuba would not run; others are not looked at."""
-    if not variant.startswith("llvm"):
-        return
+def has_llvm() -> bool:
+    """Whether Dr.Jit finds an LLVM that it works with."""
+    found = llvm_version()
+    return found is not None and found[0] >= LLVM_NEEDED
+
+
+def check_backend(variant: str) -> None:
+    """Raise RuntimeError with the remedy where a variant of Mitsuba would not run here, before it is set."""
+    if variant.startswith("llvm"):
+        _check_llvm(variant)
+    elif variant.startswith("cuda"):
+        import drjit as dr
+
+        if not dr.has_backend(dr.JitBackend.CUDA):
+            raise RuntimeError(
+                f"{variant} needs an NVIDIA GPU and its driver, and none is found: scalar_rgb and llvm_ad_rgb run without"
+            )
+
+
+def _check_llvm(variant: str) -> None:
     remedy = (
         f"install LLVM {LLVM_NEEDED} or newer (Debian: libllvm19; PyPI: karellen-llvm-core), and name its libLLVM in"
         " DRJIT_LIBLLVM_PATH before Python starts; scalar_rgb needs none"
@@ -27,9 +43,3 @@ def check_llvm(variant: str) -> None:
         raise RuntimeError(f"{variant} needs LLVM and none is found: {remedy}")
     if found[0] < LLVM_NEEDED:
         raise RuntimeError(f"{variant} would abort with LLVM {'.'.join(map(str, found))}: {remedy}")
-
-
-def has_llvm() -> bool:
-    """Whether Dr.Jit finds an LLVM that it works with."""
-    found = llvm_version()
-    return found is not None and found[0] >= LLVM_NEEDED

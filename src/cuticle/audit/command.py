@@ -12,10 +12,10 @@ from rich.table import Table
 
 from cuticle import validate
 from cuticle.audit import LEVEL, SAMPLES, Audit, Dump, audit, audit_dump
+from cuticle.backends import check_backend
 from cuticle.chiang import Chiang
 from cuticle.console import ess_text, table, verdict_table
 from cuticle.files import read_text, writable_directory, write_text
-from cuticle.llvm import check_llvm
 from cuticle.models import with_strands
 from cuticle.origin import MITSUBA, model_of, read_model, read_parameters
 from cuticle.sampler import Sampler
@@ -122,7 +122,7 @@ def _set_variant(variant: str) -> None:
     except ImportError:
         raise RuntimeError("this needs Mitsuba 3, which is not installed: pip install cuticle[mitsuba]") from None
     validate.choice("--variant", variant, [v for v in mi.variants() if v.endswith("rgb") or "mono" in v])
-    check_llvm(variant)
+    check_backend(variant)
     mi.set_variant(variant)
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from cuticle import _core
-from cuticle.llvm import check_llvm
+from cuticle.backends import check_backend
 
 __all__ = ["MITSUBA_VERSION", "VARIANTS", "Material", "build", "read_material", "register"]
 
@@ -81,7 +81,7 @@ def check_variant() -> None:
     variant = mi.variant()
     if variant not in VARIANTS:
         raise RuntimeError(f"the plugins are compiled for {', '.join(VARIANTS)}; the variant is {variant}")
-    check_llvm(variant)
+    check_backend(variant)
 
 
 def _make_bsdf(props: Any) -> Any:

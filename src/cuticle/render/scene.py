@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cuticle import validate
+from cuticle.backends import check_backend
 from cuticle.render.groom import Groom
 
 __all__ = ["INTEGRATORS", "LIGHTS", "SAMPLINGS", "Light", "View", "bsdf", "integrator", "load_scene", "mitsuba"]
@@ -38,8 +39,8 @@ def mitsuba(variant: str = "scalar_rgb") -> Any:
 
     if variant not in plugins.VARIANTS:
         raise ValueError(f"variant must be one of {', '.join(plugins.VARIANTS)}; got {variant!r}")
+    check_backend(variant)
     mi.set_variant(variant)
-    plugins.check_variant()
     return mi
 
 

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cuticle import conventions, validate
+from cuticle.backends import check_backend, has_llvm
 from cuticle.chiang import PARTS, Chiang, ChiangNear
-from cuticle.llvm import check_llvm, has_llvm
 from cuticle.quadrature import gauss_legendre
 from cuticle.sources.functions import Progress
 from cuticle.sources.tabulated import Tabulated
@@ -210,7 +210,7 @@ def _load(bsdf: Any, parameters: dict[str, Any], fast: bool) -> tuple[str, Any, 
         return str(mi.variant()), bsdf, None
     given = {**({"type": bsdf} if isinstance(bsdf, str) else bsdf), **parameters}
     variant = mi.variant() or ("llvm_ad_rgb" if fast and has_llvm() else "scalar_rgb")
-    check_llvm(variant)
+    check_backend(variant)
     with _variant(variant):
         if given.get("type") == "cuticle":
             import cuticle.mitsuba  # noqa: F401 - makes the plugin known
