@@ -21,7 +21,7 @@ template <class Float> struct Direction {
 };
 
 template <class Float> CUTICLE_HD Direction<Float> to_direction(const Float &theta, const Float &phi) {
-    const Float c = math::cos(theta);
+    const Float c = math::cos_theta(theta);
     return {math::sin(theta), c * math::cos(phi), c * math::sin(phi)};
 }
 
