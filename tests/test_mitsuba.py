@@ -16,13 +16,18 @@ import cuticle
 from conftest import COUNTS
 from cuticle.models import LONGITUDINAL_OF
 from cuticle.render.groom import Groom
+from cuticle.render.scene import mitsuba
 
 if importlib.util.find_spec("mitsuba") is None:
     pytest.skip("Mitsuba is not installed: pip install 'cuticle[mitsuba]'", allow_module_level=True)
 
 UseVariant = Callable[[str], Any]
 FIBRES = ("blond", "brown", "black", "marschner", "document")
-VARIANTS = {"scalar_rgb": 2_000, "llvm_ad_rgb": 100_000}  # and how many inputs: scalar ones go one by one
+VARIANTS = {
+    "scalar_rgb": 2_000,
+    "llvm_ad_rgb": 100_000,
+    "cuda_ad_rgb": 100_000,
+}  # and how many inputs: scalar ones go one by one
 AMONG_STRANDS, EXPECTED = 1 << 31, 1 << 29  # plugins/mitsuba/strands.h
 HALF_SPACE = float(np.finfo(np.float32).max)
 
@@ -163,7 +168,7 @@ def test_among_strands_says_what_python_says(variant: str, fibre: str, use_varia
         assert relative(said.pdf, material.combined.pdf(i.theta, r.theta, i.phi - r.phi)) <= 1e-4
 
 
-@pytest.mark.parametrize("variant", ["scalar_rgb", "scalar_spectral", "llvm_ad_rgb", "llvm_ad_spectral"])
+@pytest.mark.parametrize("variant", ["scalar_rgb", "scalar_spectral", "llvm_ad_rgb", "llvm_ad_spectral", "cuda_ad_spectral"])
 def test_scale_multiplies_the_absorption(variant: str, use_variant: UseVariant) -> None:
     mi = use_variant(variant)
     rng = np.random.default_rng(3)
@@ -344,6 +349,15 @@ def test_an_old_llvm_is_told_before_it_aborts(use_variant: UseVariant, monkeypat
     monkeypatch.setattr(dr, "has_backend", lambda _: False)
     with pytest.raises(RuntimeError, match="needs LLVM and none is found"):
         mi.load_dict({"type": "cuticle", "fibre": "brown"})
+
+
+def test_a_missing_gpu_is_told_before_the_variant_is_set(use_variant: UseVariant, monkeypatch: pytest.MonkeyPatch) -> None:
+    use_variant("scalar_rgb")
+    import drjit as dr
+
+    monkeypatch.setattr(dr, "has_backend", lambda _: False)
+    with pytest.raises(RuntimeError, match=r"^cuda_ad_rgb needs an NVIDIA GPU and its driver, and none is found: scalar"):
+        mitsuba("cuda_ad_rgb")
 
 
 def test_another_mitsuba_is_refused(use_variant: UseVariant, monkeypatch: pytest.MonkeyPatch) -> None:

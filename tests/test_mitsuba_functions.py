@@ -103,7 +103,7 @@ def test_the_near_field_is_mitsubas_hair_with_a_right_pdf(use_variant: UseVarian
     assert cuticle.audit(sharp, theta_r=np.radians([0, 60]), samples=100_000).ok
 
 
-@pytest.mark.parametrize(("variant", "name"), [("scalar_rgb", "chiang"), ("llvm_ad_rgb", "table")])
+@pytest.mark.parametrize(("variant", "name"), [("scalar_rgb", "chiang"), ("llvm_ad_rgb", "table"), ("cuda_ad_rgb", "table")])
 def test_tables_say_what_python_says(variant: str, name: str, folder: Path, use_variant: UseVariant) -> None:
     mi = use_variant(variant)
     from cuticle import mitsuba as plugin

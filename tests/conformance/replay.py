@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from conformance.hosts import has_gpu, nvcc, nvcc_command
 from cuticle.sampler import Sampler
 
 COUNT = 100_000
@@ -129,12 +130,30 @@ def compiled(
 ) -> np.ndarray:
     """Compile an exported header alone in an empty folder, and run it over the inputs."""
     build(command, header, folder, suffix=suffix, precision=precision)
+    return _run(x, folder)
+
+
+def on_a_gpu(header: str, x: np.ndarray, folder: Path, *flags: str, precision: str = "float") -> np.ndarray:
+    """The same of exported CUDA; the test is skipped where there is no compiler, or, once that has compiled it, no GPU."""
+    compiler = nvcc()
+    if compiler is None:
+        pytest.skip(
+            "no nvcc: CUDA's toolkit, or pip install nvidia-cuda-nvcc nvidia-nvvm nvidia-cuda-crt nvidia-cuda-runtime"
+        )
+    command = [*nvcc_command(compiler), *flags]
+    if not has_gpu():
+        build([*command, "-c"], header, folder, suffix="cu", precision=precision)
+        pytest.skip("no GPU: compiled without a warning, not run")
+    return compiled(command, header, x, folder, suffix="cu", precision=precision)
+
+
+def _run(x: np.ndarray, folder: Path) -> np.ndarray:
     x.astype("<f4").tofile(folder / "inputs")
     ran = subprocess.run(
         ["./replay", "inputs", "outputs"], cwd=folder, capture_output=True, text=True, timeout=120, check=False
     )
     assert ran.returncode == 0, ran.stderr
-    return np.fromfile(folder / "outputs", "<f8").reshape(-1, 4)
+    return np.fromfile(folder / "outputs", "<f8").reshape(len(x), -1)
 
 
 def build(command: list[str], header: str, folder: Path, *, suffix: str = "cpp", precision: str = "float") -> None:
