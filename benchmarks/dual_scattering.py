@@ -68,7 +68,10 @@ def main() -> None:
     parser.add_argument("--size", type=int, default=128)
     parser.add_argument("--groom", action="append", help="one of these alone; may be repeated")
     arguments = parser.parse_args()
-    found = grooms(arguments.data)
+    try:
+        found = grooms(arguments.data)
+    except ValueError as error:
+        parser.error(f"--data must hold hair/tressfx with its grooms: {error}")
     chosen = arguments.groom or list(found)
     if unknown := [name for name in chosen if name not in found]:
         parser.error(f"--groom must be one of {', '.join(found)}; got {', '.join(unknown)}")

@@ -44,6 +44,10 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=default if default.exists() else None)
     parser.add_argument("--size", type=int, default=128)
     arguments = parser.parse_args()
+    try:
+        found = grooms(arguments.data)
+    except ValueError as error:
+        parser.error(f"--data must hold hair/tressfx with its grooms: {error}")
     mi = mitsuba("scalar_rgb")
     listing = table("brown hair, light from everywhere, BSDF sampling alone, at equal samples")
     for name in ("groom", "4 lobes", "16 lobes", "16 lobes, rgb", "4 lobes' noise: within a pixel", "blocked light"):
@@ -58,7 +62,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = cuticle.fit(model, 16, objective="rgb").sampler.save(Path(folder) / "rgb.json")
         lobes = [bsdf("brown"), bsdf("brown", lobes=16), bsdf(str(path))]
-        for name, groom in grooms(arguments.data).items():
+        for name, groom in found.items():
             if name not in GROOMS:
                 continue
             calm = pictures(mi, groom, view, lobes[0], MANY)

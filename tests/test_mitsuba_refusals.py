@@ -1,0 +1,87 @@
+"""What the BSDF `cuticle` refuses, and what is told where a variant of Mitsuba cannot run."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cuticle.render.scene import mitsuba
+from test_mitsuba import UseVariant
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (
+            {"fibre": "purple"},
+            "fibre must be a preset (document, marschner, blond, brown, black) or a TOML file, got 'purple'",
+        ),
+        ({"fibre": "brown", "betaR": 3.0}, "cuticle has no parameter 'betaR'"),
+        ({}, "cuticle needs a fibre"),
+        ({"fibre": "brown", "beta_R": 400.0}, "beta_R must be in [0.1, 60] degrees, got 400"),
+        ({"fibre": "brown", "sampling": "best"}, "sampling must be one of lobes, document, uniform; got 'best'"),
+        ({"fibre": "brown", "lobes": 99}, "lobes must be in [1, 16], got 99"),
+        ({"fibre": "brown", "direct_share": 1.5}, "direct_share must be in [0.01, 0.99], got 1.5"),
+        ({"filename": "nowhere.json"}, "cannot read sampler nowhere.json: No such file or directory"),
+        ({"fibre": "nowhere.toml"}, "cannot read fibre nowhere.toml: No such file or directory"),
+    ],
+)
+def test_bad_parameters_are_one_line(given: dict[str, Any], message: str, use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    with pytest.raises(RuntimeError) as caught:
+        mi.load_dict({"type": "cuticle", **given})
+    text = str(caught.value)
+    assert message in text
+    assert "Traceback" not in text
+
+
+def test_an_old_llvm_is_told_before_it_aborts(use_variant: UseVariant, monkeypatch: pytest.MonkeyPatch) -> None:
+    mi = use_variant("scalar_rgb")
+    import drjit as dr
+
+    monkeypatch.setattr(dr, "has_backend", lambda _: True)
+    monkeypatch.setattr(dr.detail, "llvm_version", lambda: (15, 0, 6))
+    mi.set_variant("llvm_ad_rgb")
+    with pytest.raises(RuntimeError, match=r"would abort with LLVM 15.0.6: install LLVM 19 or newer"):
+        mi.load_dict({"type": "cuticle", "fibre": "brown"})
+    monkeypatch.setattr(dr, "has_backend", lambda _: False)
+    with pytest.raises(RuntimeError, match="needs LLVM and none is found"):
+        mi.load_dict({"type": "cuticle", "fibre": "brown"})
+
+
+def test_a_missing_gpu_is_told_before_the_variant_is_set(use_variant: UseVariant, monkeypatch: pytest.MonkeyPatch) -> None:
+    use_variant("scalar_rgb")
+    import drjit as dr
+
+    monkeypatch.setattr(dr, "has_backend", lambda _: False)
+    with pytest.raises(RuntimeError, match=r"^cuda_ad_rgb needs an NVIDIA GPU and its driver, and none is found: scalar"):
+        mitsuba("cuda_ad_rgb")
+
+
+def test_another_mitsuba_is_refused(use_variant: UseVariant, monkeypatch: pytest.MonkeyPatch) -> None:
+    mi = use_variant("scalar_rgb")
+    from cuticle import mitsuba as plugin
+
+    monkeypatch.setattr(mi, "__version__", "3.8.0")
+    with pytest.raises(RuntimeError, match=r"this is 3.8.0: pip install mitsuba==3.9.1"):
+        plugin.register()
+    monkeypatch.undo()
+    monkeypatch.setattr(plugin, "plugin_folder", lambda: Path("/nowhere"))
+    with pytest.raises(RuntimeError, match="built without its Mitsuba plugins"):
+        plugin.register()
+
+
+def test_without_mitsuba_the_rest_works() -> None:
+    script = (
+        "import sys; sys.modules['mitsuba'] = None\n"
+        "import cuticle, cuticle.cli\n"
+        "cuticle.DualScattering(cuticle.Fibre.preset('brown'))\n"
+        "try:\n    import cuticle.mitsuba\nexcept ImportError as error:\n    print(error)\n"
+    )
+    ran = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert "needs Mitsuba 3.9.1" in ran.stdout
+    assert "pip install 'cuticle[mitsuba]'" in ran.stdout
