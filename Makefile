@@ -11,9 +11,9 @@ NATIVE := $(wildcard src/native/* include/cuticle/* plugins/mitsuba/*) CMakeList
 demo: $(VENV)/.installed
 	$(BIN)/cuticle demo -o out/demo
 
-# Side by side, but for what measures time.
+# Side by side, file by file in their order, which has long ones first; but for what measures time.
 test: $(VENV)/.installed-test
-	$(BIN)/python -m pytest -m 'not alone' --numprocesses auto --maxprocesses 4 --dist loadfile
+	$(BIN)/python -m pytest -m 'not alone' --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 	$(BIN)/python -m pytest -m alone
 
 lint: $(VENV)/.installed-lint
@@ -45,7 +45,7 @@ $(VENV)/.installed: $(NATIVE) | $(BIN)/python
 # why they are skipped.
 TOOLS := chromium chromium-driver fonts-dejavu-core glslang-tools clang
 $(VENV)/.installed-test: $(VENV)/.installed
-	$(PIP) install 'hypothesis>=6' 'karellen-llvm-core>=19' 'pytest>=8' 'pytest-xdist>=3.5' 'selenium>=4.20'
+	$(PIP) install 'hypothesis>=6' 'karellen-llvm-core>=19' 'pytest>=8' 'pytest-xdist>=3.7' 'selenium>=4.20'
 	@if command -v chromium >/dev/null && command -v chromedriver >/dev/null && command -v glslangValidator >/dev/null \
 		&& command -v clang++ >/dev/null; then :; \
 	elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \

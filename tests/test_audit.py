@@ -25,17 +25,17 @@ def failed(report: Any) -> set[str]:
 # ---- what is right
 
 
-def test_200_right_samplers_are_not_flagged() -> None:
+def test_100_right_samplers_are_not_flagged() -> None:
     rng = np.random.default_rng(7)
     low = 0
-    for i in range(200):
+    for i in range(100):
         model = Chiang(
             beta_m=rng.uniform(0.05, 1), beta_n=rng.uniform(0.05, 1), alpha=rng.uniform(-5, 5), eumelanin=rng.uniform(0, 8)
         )
         report = audit(model.near(rng.uniform(-0.99, 0.99)), theta_r=[rng.uniform(-1.5, 1.5)], samples=20_000, seed=i)
         assert report.ok, report
         low += report.cases[0].p_value < 0.05
-    assert low <= 20  # five tests in one p-value, made safe: fewer than one in twenty
+    assert low <= 10  # five tests in one p-value, made safe: fewer than one in twenty
 
 
 def test_our_near_field_passes_at_any_roughness() -> None:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import importlib.util
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import cuticle
+from command import run, run_program
 from cuticle import audit
 from test_audit import BASE, failed, write
 
@@ -46,12 +45,6 @@ def test_mitsubas_hair_passes_where_it_is_rough() -> None:
 # ---- the command
 
 
-def run(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "cuticle", *arguments], capture_output=True, text=True, check=False, cwd=cwd
-    )
-
-
 def test_the_command(tmp_path: Path) -> None:
     BASE.save(tmp_path / "hair.toml")
     done = run("audit", "hair.toml", "--h", "0.3", "--samples", "20000", "--theta-r=-60,0", "-o", "out", cwd=tmp_path)
@@ -80,12 +73,12 @@ def test_the_command(tmp_path: Path) -> None:
 @needs_mitsuba
 def test_the_command_audits_a_plugin(tmp_path: Path) -> None:
     given = ("longitudinal_roughness=.25", "azimuthal_roughness=.3", "eumelanin=.3")
-    done = run("audit", "mitsuba:hair", *given, "--samples", "20000", "--theta-r=-75", "--json", cwd=tmp_path)
+    done = run_program("audit", "mitsuba:hair", *given, "--samples", "20000", "--theta-r=-75", "--json", cwd=tmp_path)
     assert done.returncode == 1, done.stderr
     plain = json.loads(done.stdout)
     assert plain["cases"][0]["repeated"][0][:2] == ["theta_i", 0.0]
-    done = run("audit", "mitsuba:hair", "gloss=1", cwd=tmp_path)
+    done = run_program("audit", "mitsuba:hair", "gloss=1", cwd=tmp_path)
     assert done.returncode == 2
     assert "Mitsuba refuses" in done.stderr
-    done = run("audit", "mitsuba:dielectric", cwd=tmp_path)
+    done = run_program("audit", "mitsuba:dielectric", cwd=tmp_path)
     assert "single directions only" in done.stderr

@@ -4,30 +4,12 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 import cuticle
-
-
-def run(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "cuticle.cli", *arguments], capture_output=True, text=True, timeout=120, cwd=cwd, check=False
-    )
-
-
-def refused(*arguments: str, words: str, cwd: Path) -> None:
-    before = sorted(cwd.rglob("*"))
-    done = run(*arguments, cwd=cwd)
-    assert done.returncode == 2, done
-    assert done.stdout == ""
-    assert len(done.stderr.strip().splitlines()) == 1
-    assert words in done.stderr
-    assert "Traceback" not in done.stderr
-    assert sorted(cwd.rglob("*")) == before  # nothing written
+from command import refused, run, run_program
 
 
 @pytest.fixture(scope="module")
@@ -91,6 +73,15 @@ def test_help() -> None:
         done = run(*arguments)
         assert done.returncode == 0
         assert "Usage" in done.stdout
+
+
+def test_the_program_starts_and_ends_as_its_function_does(tmp_path: Path) -> None:
+    for arguments, code in ((("fibres", "--json"), 0), (("fit", "red", "-o", "x"), 2)):
+        program, function = (go(*arguments, cwd=tmp_path) for go in (run_program, run))
+        assert program.returncode == function.returncode == code
+        assert program.stdout == function.stdout
+        assert program.stderr == function.stderr
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(

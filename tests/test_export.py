@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 
 import cuticle
+from command import refused, run
 from cuticle.export import FRAMES, MAX_TABLE, export
 from cuticle.export.glsl import model_texels
 from cuticle.export.literals import single, wrapped
 from cuticle.export.tables import TOLERANCE, reduce_tables
 from cuticle.headers import amalgamate, cmake_dir, include_dir
-from test_cli import refused, run
 
 ROOT = Path(__file__).parents[1]
 WARNINGS = ["-std=c++17", "-Wall", "-Wextra", "-Wconversion", "-Werror"]

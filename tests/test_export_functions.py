@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 
 import cuticle
+from command import refused, run
 from conformance import replay
 from cuticle.export import export, web
 from cuticle.export.function_table import FunctionTable, tabulate_function
 from cuticle.export.tables import TOLERANCE, FibreTables, reduce_tables
 from cuticle.models import with_strands
-from test_cli import refused, run
 from test_export import ROOT, compile_and_run
 from test_report import visit
 

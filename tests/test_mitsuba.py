@@ -21,7 +21,7 @@ if importlib.util.find_spec("mitsuba") is None:
 UseVariant = Callable[[str], Any]
 FIBRES = ("blond", "brown", "black", "marschner", "document")
 VARIANTS = {
-    "scalar_rgb": 2_000,
+    "scalar_rgb": 500,
     "llvm_ad_rgb": 100_000,
     "cuda_ad_rgb": 100_000,
 }  # and how many inputs: scalar ones go one by one
@@ -89,8 +89,10 @@ def ask(
         wo = mi.Vector3f(*i_)
         f, pdf = bsdf.eval_pdf(context, si, wo)
         sample, weight = bsdf.sample(context, si, mi.Float(u_[0]), mi.Point2f(u_[1], u_[2]))
-        assert np.allclose(np.array(bsdf.eval(context, si, wo)), np.array(f), rtol=1e-6, atol=0)
-        assert np.allclose(np.array(bsdf.pdf(context, si, wo)), np.array(pdf), rtol=1e-6, atol=0)
+        alone, own = bsdf.eval(context, si, wo), bsdf.pdf(context, si, wo)
+        dr.eval(f, pdf, sample, weight, alone, own)  # one kernel: compiling is most of the time
+        assert np.allclose(np.array(alone), np.array(f), rtol=1e-6, atol=0)
+        assert np.allclose(np.array(own), np.array(pdf), rtol=1e-6, atol=0)
         return tuple(np.array(x) for x in (f, pdf, sample.wo, sample.pdf, weight))
 
     n = np.zeros(len(u), np.float32) if strands is None else strands.astype(np.float32)

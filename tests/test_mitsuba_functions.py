@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import cuticle
+from command import run_program
 from cuticle.render.groom import Groom
 from cuticle.render.procedural import hair_ball
-from test_cli import run
 from test_export_functions import CHIANG, make_table
 from test_mitsuba import VARIANTS, UseVariant, ask, random_directions, relative
 
@@ -201,7 +201,7 @@ def test_the_command_renders_a_table(folder: Path, use_variant: UseVariant) -> N
     make_table(folder / "grey.npz", cuticle.Chiang(sigma_a=(0.5,)).eval)
     # The default integrator wants it among strands: the command sees to that.
     options = ["--sampling", "uniform", "--spp", "2", "--width", "32", "-o", "ball.png"]
-    done = run("render", "ball", "--fibre", "grey.npz", *options, cwd=folder)
+    done = run_program("render", "ball", "--fibre", "grey.npz", *options, cwd=folder)
     assert done.returncode == 0, done.stderr
     assert (folder / "ball.png").exists()
     assert "can stand among others" not in done.stdout + done.stderr

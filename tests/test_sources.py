@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 import json
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,6 +12,7 @@ import numpy as np
 import pytest
 
 import cuticle
+from command import run
 from cuticle import Chiang, Tabulated, from_callable
 from cuticle.origin import model_of, read_model
 from test_tabulated import THETA, TURN, VIEWERS, values
@@ -130,11 +129,6 @@ def test_a_material_that_is_none_is_one_line(call: Callable[[], Any], message: s
 
 
 # ---- the way through the program
-
-
-def run(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "cuticle", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=cwd)
 
 
 def test_a_table_goes_the_whole_way(tmp_path: Path) -> None:

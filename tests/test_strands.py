@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import cuticle
+from command import run
 from cuticle import Chiang, DualScattering, Fibre, Strands
 from cuticle.origin import model_of
 
@@ -88,21 +87,17 @@ def test_bad_input_is_one_line() -> None:
 
 
 def test_the_command_puts_a_function_among_others(tmp_path: Path) -> None:
-    def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-m", "cuticle", *arguments]
-        return subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
-
     Chiang(sigma_a=(0.5,)).save(tmp_path / "hair.toml")
-    done = run("fit", "hair.toml", "-o", "out", "--strands", "0,2", "--lobes", "2")
+    done = run("fit", "hair.toml", "-o", "out", "--strands", "0,2", "--lobes", "2", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert cuticle.Sampler.load(tmp_path / "out/sampler.json").about["among"] == {"d_f": 0.7, "d_b": 0.7}
-    done = run("check", "out", "--samples", "100000", "--strands", "0,2")
+    done = run("check", "out", "--samples", "100000", "--strands", "0,2", cwd=tmp_path)
     assert done.returncode == 0, done.stdout
-    done = run("document", "hair.toml", "-o", "out")
+    done = run("document", "hair.toml", "-o", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     data = json.loads((tmp_path / "out/document.json").read_text())
     assert data["model"].startswith("Strands(Chiang(")
     assert data["fibre"]["sigma_a"] == [0.5]
-    done = run("report", "out")
+    done = run("report", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "sigma_a" in (tmp_path / "out/report.html").read_text()

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import stats
+from scipy.special import ndtri
 
 from cuticle import validate
 from cuticle.cells import CELLS, Cells, widened
@@ -126,7 +126,7 @@ def check(
     report = progress or (lambda phase, fraction: None)
     pairs = [(float(t), n) for n in counts for t in np.atleast_1d(angles)]
     each = 1 - (1 - level) ** (1 / len(pairs))
-    critical = float(stats.norm.isf(each / 2))
+    critical = float(-ndtri(each / 2))
 
     cases = []
     for i, (t, n) in enumerate(pairs):

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import chdtrc
 
 LEAST_EXPECTED = 10.0  # samples in a cell; smaller cells are pooled
 
@@ -51,7 +51,7 @@ def chi_square(counts: NDArray, expected: NDArray, error: NDArray | None = None)
         return ChiSquare(statistic, max(dof, 0), 1.0)
     # A Poisson count's (o - e)²/e varies by 2 + 1/e, not 2: match both moments.
     scale = 1 + float((1 / e).sum()) / (2 * len(e))
-    return ChiSquare(statistic, dof, float(stats.chi2.sf(dof / scale + (statistic - dof) / scale, dof / scale)))
+    return ChiSquare(statistic, dof, float(chdtrc(dof / scale, dof / scale + (statistic - dof) / scale)))
 
 
 def _pool(o: NDArray, e: NDArray, d: NDArray) -> tuple[NDArray, NDArray, NDArray]:

@@ -9,6 +9,17 @@
 
 namespace {
 
+// A function of its own: at every call inlined anew, it would be most of what is compiled.
+template <class Float, int K>
+[[gnu::noinline]] Float pdf(const cuticle::LobeTable<Float, K> &view, Float theta_i, Float theta_r, Float phi,
+                            Float strands) {
+    return cuticle::pdf(view, theta_i, theta_r, phi, strands);
+}
+template <class Float, int K>
+[[gnu::noinline]] Float pdf(const cuticle::PreparedSampler<Float, K> &prepared, Float theta_i, Float phi) {
+    return prepared.pdf(theta_i, phi);
+}
+
 // `plain` strands for all of them, or a number each where it is negative. Nodes are wild or, 25 of them, go slowly, as
 // fitted ones do.
 template <class Float, int K> int compare(bool even, double plain, int nodes, std::size_t count, std::mt19937 &rng) {
@@ -56,13 +67,13 @@ template <class Float, int K> int compare(bool even, double plain, int nodes, st
                 radians = relative;
     int wrong = 0, other = 0;
     for (std::size_t i = 0; i < count; ++i) {
-        const Float single = cuticle::pdf(view, ti[i], tr[i], ph[i], n[i]);
+        const Float single = pdf(view, ti[i], tr[i], ph[i], n[i]);
         wrong += !(std::abs(p[i] - single) <= relative * single);
         const auto s = cuticle::sample(view, tr[i], u[i], v[i], w[i], n[i]);
         const bool same =
             std::abs(a[i] - s.theta_i) <= radians && std::abs(cuticle::math::nearest_turn(Float(b[i] - s.phi))) <= radians;
         other += !same;  // a u on the border between two lobes may choose either
-        wrong += !(std::abs(q[i] - cuticle::pdf(view, a[i], tr[i], b[i], n[i])) <= relative * q[i]);
+        wrong += !(std::abs(q[i] - pdf(view, a[i], tr[i], b[i], n[i])) <= relative * q[i]);
     }
     wrong += other > 2;
     // One shading point, on a row, between rows and between none and some.
@@ -72,12 +83,12 @@ template <class Float, int K> int compare(bool even, double plain, int nodes, st
         cuticle::sample_batch(prepared, count, u.data(), v.data(), w.data(), a.data(), b.data(), q.data());
         int strayed = 0;
         for (std::size_t i = 0; i < count; ++i) {
-            const Float single = prepared.pdf(ti[i], ph[i]);
+            const Float single = pdf(prepared, ti[i], ph[i]);
             wrong += !(std::abs(p[i] - single) <= relative * single);
             const auto s = prepared.sample(u[i], v[i], w[i]);
             strayed += !(std::abs(a[i] - s.theta_i) <= radians &&
                          std::abs(cuticle::math::nearest_turn(Float(b[i] - s.phi))) <= radians);
-            wrong += !(std::abs(q[i] - prepared.pdf(a[i], b[i])) <= relative * q[i]);
+            wrong += !(std::abs(q[i] - pdf(prepared, a[i], b[i])) <= relative * q[i]);
         }
         wrong += strayed > 2;
     }
@@ -99,8 +110,9 @@ template <class Float> int all() {
     std::mt19937 rng(3);
     int wrong = 0;
     for (const bool even : {true, false}) {
-        wrong += cases<Float, 2>(even, rng) + cases<Float, 4>(even, rng);
-        if constexpr (std::is_same_v<Float, float>) wrong += cases<Float, 8>(even, rng);
+        wrong += cases<Float, 4>(even, rng);
+        if constexpr (std::is_same_v<Float, float>)  // double is a plain loop
+            wrong += cases<Float, 2>(even, rng) + cases<Float, 8>(even, rng);
     }
     for (const bool even : {true, false})  // one lobe alone, where less than four lie side by side in the table
         for (const double strands : {-1., 1.})

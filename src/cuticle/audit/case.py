@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import ndtri, pdtr, pdtrc
 
 from cuticle.audit.cells import integrate, place
 from cuticle.audit.subject import Drawn, Subject, bright
@@ -183,8 +183,8 @@ def examine(subject: Subject, theta_r: float, samples: int, critical: float, rng
 
 def _single_band(counts: Array, expected: Array, off: Array) -> float:
     """The chance of the least likely count among bands, each Poisson's: what sits in one place that should be dark."""
-    many = stats.poisson.sf(counts - 1, expected + off)
-    few = stats.poisson.cdf(counts, np.maximum(expected - off, 0))
+    many = np.where(counts > 0, pdtrc(np.maximum(counts - 1, 0), expected + off), 1.0)
+    few = pdtr(counts, np.maximum(expected - off, 0))
     return float(min(1.0, 2 * len(counts) * min(many.min(), few.min())))
 
 
@@ -327,4 +327,4 @@ def _lobe(subject: Subject, theta_r: float, region: Region, theta: Array, phi: A
 def critical_z(level: float, cases: int) -> float:
     """Standard errors beyond which a mean weight is wrong, at this level over all cells of all cases."""
     each = 1 - (1 - level) ** (1 / max(cases * _MEANS[0] * _MEANS[1], 1))
-    return float(stats.norm.isf(each / 2))
+    return float(-ndtri(each / 2))

@@ -113,7 +113,7 @@ def _maps(model: Bcsdf, title: str, cells: tuple[int, int]) -> Figure:
     top = max(float(v.max()) for (t, _), v in values.items() if abs(t) < 90)
     fig = Figure(figsize=(11, 6.2), dpi=110)  # placed by hand: laying out 35 maps takes longer than drawing them
     room = {"left": 0.065, "right": 0.915, "bottom": 0.075, "top": 0.905, "wspace": 0.22, "hspace": 0.2}
-    axes = fig.subplots(len(rows), len(THETA_R_1), sharex=True, sharey=True, gridspec_kw=room)
+    axes = fig.subplots(len(rows), len(THETA_R_1), gridspec_kw=room)  # shared, each would look at all others for its limits
     norm = PowerNorm(0.5, 0, top)
     for a, p in enumerate(rows):
         for b, t in enumerate(THETA_R_1):
@@ -121,6 +121,7 @@ def _maps(model: Bcsdf, title: str, cells: tuple[int, int]) -> Figure:
             ax.imshow(values[t, p], norm=norm, cmap=MAP, origin="lower", extent=(-180, 180, -90, 90), aspect="auto")
             ax.set(xticks=(-90, 0, 90), yticks=(-90, 0, 90))
             ax.tick_params(length=2, labelsize=7)
+            ax.label_outer()
             for side in ax.spines.values():
                 side.set_visible(False)
             if a == 0:
