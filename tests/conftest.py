@@ -72,14 +72,21 @@ def use_variant() -> Callable[[str], Any]:
 
 
 @pytest.fixture(scope="session")
-def browser() -> Iterator[Any]:
+def driver() -> Iterator[Any]:
     """Headless Chromium, drawing in software."""
     try:
-        driver = start()
+        started = start()
     except RuntimeError as error:
         pytest.skip(str(error))
+    yield started
+    started.quit()
+
+
+@pytest.fixture
+def browser(driver: Any) -> Iterator[Any]:
+    """The same for one test: a page left open would go on drawing, on half a core."""
     yield driver
-    driver.quit()
+    driver.get("about:blank")
 
 
 def sphere(n_theta: int, n_phi: int) -> tuple[np.ndarray, np.ndarray, float]:
