@@ -51,8 +51,8 @@ def report(runs: dict[int, dict[str, Any]]) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--fibre", default="brown", help="a preset")
-    parser.add_argument("--lobes", default="1,2,4,8,16", help="numbers of lobes, with commas between")
+    parser.add_argument("--fibre", default="brown", choices=sorted(cuticle.presets.PRESETS))
+    parser.add_argument("--lobes", type=int, nargs="+", default=[1, 2, 4, 8, 16])
     parser.add_argument("--compile-only", action="store_true", help="do not run")
     arguments = parser.parse_args()
     compiler = nvcc()
@@ -60,7 +60,7 @@ def main() -> None:
         sys.exit("gpu.py needs nvcc; set CUDACXX")
     command = nvcc_command(compiler) + (["-c"] if arguments.compile_only else [])
     model = cuticle.DualScattering(cuticle.Fibre.preset(arguments.fibre))
-    lobes = [int(text) for text in arguments.lobes.split(",")]
+    lobes = arguments.lobes
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor() as pool:
         samplers = list(pool.map(lambda k: cuticle.fit(model, k, strands=(0, 1, 2, 4, 8)).sampler, lobes))
         jobs = [(k, sampler, flag) for k, sampler in zip(lobes, samplers, strict=True) for flag in FLAGS]
