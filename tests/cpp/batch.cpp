@@ -2,6 +2,7 @@
 // ragged end, and nothing written past it.
 #include "cuticle/cuticle.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <random>
@@ -61,19 +62,20 @@ template <class Float, int K> int compare(bool even, double plain, int nodes, st
     cuticle::pdf_batch(view, count, ti.data(), tr.data(), ph.data(), n.data(), each, p.data());
     cuticle::sample_batch(view, count, tr.data(), u.data(), v.data(), w.data(), n.data(), each, a.data(), b.data(),
                           q.data());
-    // Rounding of theta_r grows with the number of nodes it is told in, and moves an exponent by how fast they go. Several
-    // slow lobes never leave a direction to far tails alone.
-    const Float relative = Float(slow && K > 1 ? 2 : nodes) * (std::is_same_v<Float, float> ? Float(2e-5) : Float(1e-10)),
-                radians = relative;
+    // Rounding of theta_r grows with the number of nodes it is told in, and moves an exponent by how fast they go. Densities
+    // below 1e-12 are compared absolutely, as hosts are: one lobe alone leaves directions to tails where nothing is drawn.
+    const Float relative = Float(slow ? 2 : nodes) * (std::is_same_v<Float, float> ? Float(2e-5) : Float(1e-10)),
+                radians = relative, least = Float(1e-12);
+    const auto off = [&](Float x, Float right) { return !(std::abs(x - right) <= relative * std::max(right, least)); };
     int wrong = 0, other = 0;
     for (std::size_t i = 0; i < count; ++i) {
         const Float single = pdf(view, ti[i], tr[i], ph[i], n[i]);
-        wrong += !(std::abs(p[i] - single) <= relative * single);
+        wrong += off(p[i], single);
         const auto s = cuticle::sample(view, tr[i], u[i], v[i], w[i], n[i]);
         const bool same =
             std::abs(a[i] - s.theta_i) <= radians && std::abs(cuticle::math::nearest_turn(Float(b[i] - s.phi))) <= radians;
         other += !same;  // a u on the border between two lobes may choose either
-        wrong += !(std::abs(q[i] - pdf(view, a[i], tr[i], b[i], n[i])) <= relative * q[i]);
+        wrong += off(q[i], pdf(view, a[i], tr[i], b[i], n[i]));
     }
     wrong += other > 2;
     // One shading point, on a row, between rows and between none and some.
@@ -84,11 +86,11 @@ template <class Float, int K> int compare(bool even, double plain, int nodes, st
         int strayed = 0;
         for (std::size_t i = 0; i < count; ++i) {
             const Float single = pdf(prepared, ti[i], ph[i]);
-            wrong += !(std::abs(p[i] - single) <= relative * single);
+            wrong += off(p[i], single);
             const auto s = prepared.sample(u[i], v[i], w[i]);
             strayed += !(std::abs(a[i] - s.theta_i) <= radians &&
                          std::abs(cuticle::math::nearest_turn(Float(b[i] - s.phi))) <= radians);
-            wrong += !(std::abs(q[i] - pdf(prepared, a[i], b[i])) <= relative * q[i]);
+            wrong += off(q[i], pdf(prepared, a[i], b[i]));
         }
         wrong += strayed > 2;
     }
@@ -112,11 +114,8 @@ template <class Float> int all() {
     for (const bool even : {true, false}) {
         wrong += cases<Float, 4>(even, rng);
         if constexpr (std::is_same_v<Float, float>)  // double is a plain loop
-            wrong += cases<Float, 2>(even, rng) + cases<Float, 8>(even, rng);
+            wrong += cases<Float, 1>(even, rng) + cases<Float, 2>(even, rng) + cases<Float, 8>(even, rng);
     }
-    for (const bool even : {true, false})  // one lobe alone, where less than four lie side by side in the table
-        for (const double strands : {-1., 1.})
-            wrong += compare<Float, 1>(even, strands, 25, 515, rng) + compare<Float, 1>(even, strands, 25, 1500, rng);
     return wrong;
 }
 
