@@ -27,9 +27,9 @@ from rich.console import Console
 from rich.table import Table
 
 import cuticle
-from cuticle.distribution import luminance
-from cuticle.fit import MEASURED_AT, sampling_cost
-from cuticle.quality import UniformSphere, measure
+from cuticle.fitting.fit import MEASURED_AT, sampling_cost
+from cuticle.sampling.quality import UniformSphere, measure
+from cuticle.scattering.bcsdf import luminance
 
 ROOT = Path(__file__).parents[1]
 LOBES = (1, 2, 4, 8, 16)

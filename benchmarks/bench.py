@@ -22,11 +22,11 @@ from rich.console import Console
 from rich.table import Table
 
 import cuticle
-from cuticle import models
-from cuticle.console import ess_text
-from cuticle.fit import MEASURED_AT
-from cuticle.quality import UniformSphere
-from cuticle.sampler import Sampler
+from cuticle.cli.tables import ess_text
+from cuticle.fitting.fit import MEASURED_AT
+from cuticle.sampling.quality import UniformSphere
+from cuticle.sampling.sampler import Sampler
+from cuticle.scattering import models
 
 ROOT = Path(__file__).parents[1]
 STRANDS = (0.0, 1.0, 2.0, 4.0, 8.0)

@@ -1,7 +1,7 @@
 """Which fibre did the draft use, and what line and parabola run through its table for n strands?
 
 Compares the `document` preset with the draft's table 2 (Gaussians along phi and theta_i through the highlight), looks for a
-better fibre by least squares, and fits the two forms of `cuticle.fit.DRAFT` for n strands to table 3. Prints every
+better fibre by least squares, and fits the two forms of `fitting.closed_forms.DRAFT` for n strands to table 3. Prints every
 residual. Reads the printed tables from $CUTICLE_DATA/document.
 """
 
@@ -13,7 +13,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 import cuticle
-from cuticle.document import Printed, fit_form, table_2
+from cuticle.draft.functions import fit_form
+from cuticle.draft.printed import Printed
+from cuticle.draft.tables import table_2
 
 NAMES = ("alpha_R", "alpha_TT", "beta_R", "beta_TT", "sigma_a", "beta_N")
 SIGMA_UNIT, SHIFT_UNIT = 0.05, 1.0  # a residual of 1: 0.05 rad of deviation, 1 degree of shift

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.live import Live
 
-from cuticle.console import table
-from cuticle.render.groom import Groom, join_grooms, read_groom
+from cuticle.cli.tables import table
+from cuticle.grooms.groom import Groom, join_grooms, read_groom
+from cuticle.grooms.procedural import hair_ball
 from cuticle.render.picture import rel_mse
-from cuticle.render.procedural import hair_ball
 from cuticle.render.scene import Light, View, bsdf, integrator, load_scene, mitsuba
 
 RUNS, SPP = 4, 16

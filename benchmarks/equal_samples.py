@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 import cuticle
-from cuticle.console import table
-from cuticle.models import Marschner
-from cuticle.quality import UniformSphere, measure
-from cuticle.render.groom import Groom
+from cuticle.cli.tables import table
+from cuticle.grooms.groom import Groom
 from cuticle.render.scene import Light, View, bsdf, integrator, load_scene, mitsuba
+from cuticle.sampling.quality import UniformSphere, measure
+from cuticle.scattering.marschner import Marschner
 from dual_scattering import grooms, noise
 
 RUNS, SPP, MANY = 8, 32, 32

@@ -16,7 +16,7 @@ import numpy as np
 
 import cuticle
 from cuticle.export import export
-from cuticle.models import Bcsdf
+from cuticle.scattering.bcsdf import Bcsdf
 
 COUNTS = (0.0, 1.0, 2.0, 4.0, 8.0)
 HAIR = cuticle.Chiang(beta_m=0.3, beta_n=0.3, eumelanin=1.3)

@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 import cuticle
-from cuticle.distribution import evaluate, luminance
-from cuticle.quadrature import adapted_edges, gauss_legendre, grid
+from cuticle._support.quadrature import adapted_edges, gauss_legendre, grid
+from cuticle.scattering.bcsdf import evaluate, luminance
 
 HAIRS = {
     "blond, roughness .25/.3": {"beta_m": 0.25, "beta_n": 0.3, "eumelanin": 0.3},

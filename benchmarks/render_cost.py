@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from cuticle.console import table
-from cuticle.render.density import DensityGrid
-from cuticle.render.groom import Groom, join_grooms, read_groom
-from cuticle.render.procedural import hair_ball
+from cuticle.cli.tables import table
+from cuticle.grooms.density_grid import DensityGrid
+from cuticle.grooms.groom import Groom, join_grooms, read_groom
+from cuticle.grooms.procedural import hair_ball
 from cuticle.render.scene import View, bsdf, integrator, load_scene, mitsuba
 
 SPP, SIZE = 8, 512

@@ -10,9 +10,9 @@ import numpy as np
 from rich.console import Console
 from scipy.optimize import minimize
 
-from cuticle.console import table
-from cuticle.conventions import sigma_a_of_pigment
+from cuticle.cli.tables import table
 from cuticle.render.scene import mitsuba
+from cuticle.scattering.conventions import sigma_a_of_pigment
 
 WAVELENGTHS = np.arange(360, 831, 2.0)
 DEPTHS = (0.5, 1.0, 1.7, 3.0)

@@ -14,9 +14,12 @@ import jinja2
 import numpy as np
 
 import cuticle
-from cuticle.document import Choice, Printed, find_functions, fit_gaussian, table_2
-from cuticle.document.figures import figures, image
-from cuticle.document.tables import around, near_pole
+from cuticle._support.plots import figure_bytes
+from cuticle.draft.figures import figures
+from cuticle.draft.functions import Choice, find_functions
+from cuticle.draft.gaussians import fit_gaussian
+from cuticle.draft.printed import Printed
+from cuticle.draft.tables import around, near_pole, table_2
 
 HERE = Path(__file__).parent
 PICTURES = ("functions", "comparison", "figure1")
@@ -152,7 +155,7 @@ def main() -> None:
     (HERE / "document.md").write_text(template.render(context(d, printed)).lstrip() + "\n", encoding="utf-8")
     drawn = figures(d)
     for name in PICTURES:
-        (HERE / "images" / f"{name}.png").write_bytes(image(drawn[name][0], "png"))
+        (HERE / "images" / f"{name}.png").write_bytes(figure_bytes(drawn[name][0], "png"))
     print("wrote docs/document.md and", ", ".join(f"docs/images/{n}.png" for n in PICTURES))
 
 

@@ -15,15 +15,15 @@ from typing import Any
 
 import numpy as np
 
-from cuticle.files import write_bytes
-from cuticle.models import Marschner
-from cuticle.quality import UniformSphere, measure
+from cuticle._support.files import write_bytes
+from cuticle.cli.terminal import progress_bar
+from cuticle.grooms.groom import Groom, join_grooms, read_groom
+from cuticle.grooms.procedural import hair_ball, hair_head, wavy_lock
 from cuticle.render.compare import compare_samplings
-from cuticle.render.groom import Groom, join_grooms, read_groom
 from cuticle.render.picture import over_backdrop, render, srgb
-from cuticle.render.procedural import hair_ball, hair_head, wavy_lock
 from cuticle.render.scene import Light, View, bsdf, integrator, load_scene, mitsuba
-from cuticle.terminal import progress_bar
+from cuticle.sampling.quality import UniformSphere, measure
+from cuticle.scattering.marschner import Marschner
 
 IMAGES = Path(__file__).parent / "images"
 PONYTAIL = ("back", "front_top", "side", "tail")

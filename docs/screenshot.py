@@ -8,9 +8,9 @@ import time
 from pathlib import Path
 
 import cuticle
+from cuticle._support.files import write_bytes
+from cuticle.cli.terminal import progress_bar
 from cuticle.export import export
-from cuticle.files import write_bytes
-from cuticle.terminal import progress_bar
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tests"))

@@ -5,8 +5,8 @@ import sys
 import mitsuba as mi
 
 import cuticle.mitsuba  # noqa: F401 - registers `cuticle` and `dual_scattering`
+from cuticle.grooms.procedural import wavy_lock
 from cuticle.render.picture import render, save_picture
-from cuticle.render.procedural import wavy_lock
 
 mi.set_variant("scalar_rgb")  # or llvm_ad_rgb, cuda_ad_rgb, and their spectral sisters
 

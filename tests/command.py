@@ -11,7 +11,7 @@ import warnings
 from pathlib import Path
 from unittest import mock
 
-from cuticle import cli, terminal
+from cuticle.cli import app, terminal
 
 
 def run(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
@@ -25,7 +25,7 @@ def run(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess
         warnings.simplefilter("default")
         os.chdir(cwd or before)
         try:
-            cli.main()
+            app.main()
         except SystemExit as end:
             code = end.code
         finally:

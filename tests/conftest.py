@@ -14,7 +14,8 @@ import pytest
 
 import cuticle
 from browser import start
-from cuticle.document import Document, Printed, document
+from cuticle.draft.document import Document, document
+from cuticle.draft.printed import Printed
 
 # karellen-llvm-core puts LLVM here; Dr.Jit wants to be told before it is imported.
 LLVM = sorted(Path(sys.prefix, "lib").glob("libLLVM.so*")) + sorted(Path(sys.prefix, "lib").glob("libLLVM.dylib"))

@@ -12,8 +12,8 @@ from scipy import special
 
 import cuticle
 from cuticle import Chiang, _core, conventions
-from cuticle.quadrature import gauss_legendre
-from cuticle.sources.mitsuba import AMBER
+from cuticle._support.quadrature import gauss_legendre
+from cuticle.scattering.from_mitsuba import AMBER
 
 REC709 = np.array([0.2126, 0.7152, 0.0722])
 THETA, THETA_WEIGHT = gauss_legendre(np.linspace(-np.pi / 2, np.pi / 2, 121), 4)

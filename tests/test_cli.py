@@ -135,7 +135,7 @@ def test_read_only_folder(tmp_path: Path) -> None:
 
 
 def test_a_failed_write_leaves_no_half_file(tmp_path: Path) -> None:
-    from cuticle.files import write_text
+    from cuticle._support.files import write_text
 
     (tmp_path / "taken").mkdir()
     with pytest.raises(ValueError, match="cannot write"):

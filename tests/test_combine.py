@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import cuticle
-from cuticle.combine import mixed_ess
-from cuticle.quality import UniformSphere
+from cuticle.sampling.combining import mixed_ess
+from cuticle.sampling.quality import UniformSphere
 
 Point = tuple[np.ndarray, np.ndarray, np.ndarray]
 

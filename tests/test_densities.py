@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from cuticle import _core
-from cuticle.densities import DENSITIES, Density, even_normal, longitudinal_normal, periodic_normal
+from cuticle.sampling.densities import DENSITIES, Density, even_normal, longitudinal_normal, periodic_normal
 
 MEANS = [-30.0, -math.pi, -math.pi / 2, -1.0, 0.0, 0.7, math.pi / 2, 1.9, math.pi, 5.0, 400.0]
 SIGMAS = [np.radians(0.2), 0.05, 0.3, 1.0, 3.0, 50.0, 1e6]

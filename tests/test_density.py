@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cuticle.render.density import DensityGrid
-from cuticle.render.groom import Groom, read_groom
-from cuticle.render.procedural import hair_ball, wavy_lock
+from cuticle.grooms.density_grid import DensityGrid
+from cuticle.grooms.groom import Groom, read_groom
+from cuticle.grooms.procedural import hair_ball, wavy_lock
 
 
 def straight(count: int, direction: int, seed: int = 3) -> Groom:

@@ -15,20 +15,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import cuticle
-from cuticle.document import (
-    Document,
-    Printed,
-    document,
-    find_form,
-    find_functions,
-    fit_gaussian,
-    highlight_axis,
-    table_1,
-    table_2,
-    table_3,
-)
-from cuticle.fit import DRAFT, ClosedForm, Term
-from cuticle.fit.document import THETA
+from cuticle.draft.document import Document, document
+from cuticle.draft.functions import find_form, find_functions
+from cuticle.draft.gaussians import fit_gaussian
+from cuticle.draft.printed import Printed
+from cuticle.draft.tables import highlight_axis, table_1, table_2, table_3
+from cuticle.fitting.closed_forms import DRAFT, THETA, ClosedForm, Term
 
 
 @pytest.fixture(scope="module")
@@ -264,7 +256,7 @@ def test_claims_follow_their_numbers(reproduced: Document, brown: Document) -> N
 
 
 def test_the_azimuth_claim_is_the_loss_of_a_flat_sampler(document_model: cuticle.DualScattering) -> None:
-    from cuticle.document.claims import azimuth_claim
+    from cuticle.draft.claims import azimuth_claim
 
     class Flat:  # no azimuth at all
         strands = 1.0

@@ -7,17 +7,9 @@ from itertools import combinations
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
-from cuticle.document import Document
-from cuticle.document.figures import (
-    figure_1,
-    figure_2,
-    figure_3,
-    figure_comparison,
-    figure_functions,
-    figure_mixing,
-    figures,
-    image,
-)
+from cuticle._support.plots import figure_bytes
+from cuticle.draft.document import Document
+from cuticle.draft.figures import figure_1, figure_2, figure_3, figure_comparison, figure_functions, figure_mixing, figures
 
 
 def test_figures_are_drawn_each_by_one_function(reproduced: Document) -> None:
@@ -33,8 +25,8 @@ def test_figures_are_drawn_each_by_one_function(reproduced: Document) -> None:
     maps = [len(drawn[k].axes) for k in ("1", "2", "3", "comparison")]
     assert maps == [36, 36, 4, 10 + 3]  # maps and colour bars
     for figure in drawn.values():
-        assert image(figure, "svg") == image(figure, "svg")  # the same bytes every time
-        assert image(figure, "png").startswith(b"\x89PNG")
+        assert figure_bytes(figure, "svg") == figure_bytes(figure, "svg")  # the same bytes every time
+        assert figure_bytes(figure, "png").startswith(b"\x89PNG")
         for text in figure.findobj(match=lambda artist: hasattr(artist, "get_text")):
             assert "nan" not in text.get_text()  # type: ignore[attr-defined]
 

@@ -14,7 +14,7 @@ import cuticle
 from conformance import replay
 from conformance.hosts import nvcc
 from cuticle.export import export
-from cuticle.headers import cmake_dir
+from cuticle.export.headers import cmake_dir
 
 ROOT = Path(__file__).parents[1]
 COMPILE = ["-std=c++17", "-O2", "-Wall", "-Wextra", "-Werror"]

@@ -17,9 +17,9 @@ import cuticle
 from command import refused, run
 from cuticle.export import FRAMES, MAX_TABLE, export
 from cuticle.export.glsl import model_texels
+from cuticle.export.headers import amalgamate, cmake_dir, include_dir
 from cuticle.export.literals import single, wrapped
-from cuticle.export.tables import TOLERANCE, reduce_tables
-from cuticle.headers import amalgamate, cmake_dir, include_dir
+from cuticle.scattering.host_tables import TOLERANCE, reduce_tables
 
 ROOT = Path(__file__).parents[1]
 WARNINGS = ["-std=c++17", "-Wall", "-Wextra", "-Wconversion", "-Werror"]

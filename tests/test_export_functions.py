@@ -17,9 +17,9 @@ import cuticle
 from command import refused, run
 from conformance import replay
 from cuticle.export import export, web
-from cuticle.export.function_table import FunctionTable, tabulate_function
-from cuticle.export.tables import TOLERANCE, FibreTables, reduce_tables
-from cuticle.models import with_strands
+from cuticle.scattering.bcsdf import with_strands
+from cuticle.scattering.compact_table import FunctionTable, tabulate_function
+from cuticle.scattering.host_tables import TOLERANCE, FibreTables, reduce_tables
 from test_export import ROOT, compile_and_run
 from test_report import visit
 

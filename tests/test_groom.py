@@ -15,8 +15,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from cuticle.render.groom import Groom, join_grooms, read_groom
-from cuticle.render.procedural import hair_ball, hair_head, wavy_lock
+from cuticle.grooms.groom import Groom, join_grooms, read_groom
+from cuticle.grooms.procedural import hair_ball, hair_head, wavy_lock
 
 COUNTS = (2, 5, 3, 4)
 

@@ -12,8 +12,8 @@ import pytest
 
 import cuticle
 from conftest import COUNTS
-from cuticle.models import LONGITUDINAL_OF
-from cuticle.render.groom import Groom
+from cuticle.grooms.groom import Groom
+from cuticle.scattering.marschner import LONGITUDINAL_OF
 
 if importlib.util.find_spec("mitsuba") is None:
     pytest.skip("Mitsuba is not installed: pip install 'cuticle[mitsuba]'", allow_module_level=True)

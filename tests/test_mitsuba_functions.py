@@ -10,8 +10,8 @@ import pytest
 
 import cuticle
 from command import run_program
-from cuticle.render.groom import Groom
-from cuticle.render.procedural import hair_ball
+from cuticle.grooms.groom import Groom
+from cuticle.grooms.procedural import hair_ball
 from test_export_functions import CHIANG, make_table
 from test_mitsuba import VARIANTS, UseVariant, ask, random_directions, relative
 

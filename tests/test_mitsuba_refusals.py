@@ -18,7 +18,8 @@ from test_mitsuba import UseVariant
     [
         (
             {"fibre": "purple"},
-            "fibre must be a preset (document, marschner, blond, brown, black) or a TOML file, got 'purple'",
+            "a scattering function must be a preset (document, marschner, blond, brown, black), a .toml with [fibre] or [chiang],"
+            " a table (.npz, .csv), or mitsuba:PLUGIN; got 'purple'",
         ),
         ({"fibre": "brown", "betaR": 3.0}, "cuticle has no parameter 'betaR'"),
         ({}, "cuticle needs a fibre"),
@@ -27,7 +28,7 @@ from test_mitsuba import UseVariant
         ({"fibre": "brown", "lobes": 99}, "lobes must be in [1, 16], got 99"),
         ({"fibre": "brown", "direct_share": 1.5}, "direct_share must be in [0.01, 0.99], got 1.5"),
         ({"filename": "nowhere.json"}, "cannot read sampler nowhere.json: No such file or directory"),
-        ({"fibre": "nowhere.toml"}, "cannot read fibre nowhere.toml: No such file or directory"),
+        ({"fibre": "nowhere.toml"}, "cannot read model nowhere.toml: No such file or directory"),
     ],
 )
 def test_bad_parameters_are_one_line(given: dict[str, Any], message: str, use_variant: UseVariant) -> None:
@@ -78,7 +79,7 @@ def test_another_mitsuba_is_refused(use_variant: UseVariant, monkeypatch: pytest
 def test_without_mitsuba_the_rest_works() -> None:
     script = (
         "import sys; sys.modules['mitsuba'] = None\n"
-        "import cuticle, cuticle.cli\n"
+        "import cuticle, cuticle.cli.app\n"
         "cuticle.DualScattering(cuticle.Fibre.preset('brown'))\n"
         "try:\n    import cuticle.mitsuba\nexcept ImportError as error:\n    print(error)\n"
     )

@@ -13,7 +13,7 @@ from scipy.stats import poisson
 import cuticle
 from conftest import sphere
 from cuticle import DualScattering, Fibre, Marschner, _core
-from cuticle.presets import PRESETS
+from cuticle.scattering.presets import PRESETS
 
 SMOOTH = Fibre(alpha_R=-7.5, beta_R=7.5, sigma_a=0.6, beta_N=3)
 VIEWERS = np.radians([-80, -45, 0, 30, 80])

@@ -15,9 +15,9 @@ import pytest
 
 import cuticle
 from command import refused, run_program
-from cuticle.render.groom import Groom
+from cuticle.grooms.groom import Groom
+from cuticle.grooms.procedural import hair_ball, wavy_lock
 from cuticle.render.picture import over_backdrop, passes, rel_mse, render, save_picture
-from cuticle.render.procedural import hair_ball, wavy_lock
 from cuticle.render.scene import Light, View, bsdf, integrator, load_scene
 
 if importlib.util.find_spec("mitsuba") is None:

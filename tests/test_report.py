@@ -15,7 +15,7 @@ import pytest
 
 import cuticle
 from browser import whole_page
-from cuticle.document import Document
+from cuticle.draft.document import Document
 from cuticle.report.page import LIMIT, number, write_report
 
 SHOTS = Path(__file__).parents[1] / "out" / "report"
@@ -28,7 +28,7 @@ def folder(
     document_fit: cuticle.Fit,
     reproduced: Document,
 ) -> Path:
-    from cuticle.fit.result import fit_summary
+    from cuticle.fitting.result import fit_summary
 
     target = tmp_path_factory.mktemp("report")
     document_fit.sampler.save(target / "sampler.json")

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import cuticle
 from cuticle import Sampler
-from cuticle.check import integrate_pdf
+from cuticle.checking.check import integrate_pdf
 
 
 def table(lobes: int = 3, even: bool = True, strands: tuple[float, ...] = (0.0, 1.0, 4.0), seed: int = 0) -> Sampler:
@@ -61,7 +61,7 @@ def test_arrays_of_one_number_of_strands_in_single_precision(strands: float, doc
 
 @pytest.mark.parametrize("even", [True, False])
 def test_samples_follow_the_cells_of_the_closed_form_cdfs(even: bool) -> None:
-    from cuticle.cells import Cells
+    from cuticle.checking.cells import Cells
 
     sampler = table(4, even, seed=2)
     cases = [(t, n) for t in (-1.4, 0.3, 1.2) for n in (0.0, 0.5, 1.0, 3.0)]

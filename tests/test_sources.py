@@ -14,7 +14,7 @@ import pytest
 import cuticle
 from command import run
 from cuticle import Chiang, Tabulated, from_callable
-from cuticle.origin import model_of, read_model
+from cuticle.scattering.by_name import model_of, read_model
 from test_tabulated import THETA, TURN, VIEWERS, values
 
 BROWN = Chiang(beta_m=0.3, beta_n=0.3, eumelanin=1.3)

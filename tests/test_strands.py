@@ -11,7 +11,7 @@ import pytest
 import cuticle
 from command import run
 from cuticle import Chiang, DualScattering, Fibre, Strands
-from cuticle.origin import model_of
+from cuticle.scattering.by_name import model_of
 
 THETA = np.linspace(-1.5, 1.5, 160)
 PHI = np.linspace(0, np.pi, 60)

@@ -14,7 +14,7 @@ import pytest
 
 import cuticle
 from cuticle import Chiang, Tabulated
-from cuticle.sources.holes import fill_holes
+from cuticle.scattering.holes import fill_holes
 
 BROWN = Chiang(beta_m=0.3, beta_n=0.3, eumelanin=1.3)
 VIEWERS = np.linspace(-85, 85, 35)

@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 from conformance.hosts import has_gpu, nvcc, nvcc_command
-from cuticle.sampler import Sampler
+from cuticle.sampling.sampler import Sampler
 
 COUNT = 100_000
 DIGEST = "5c144dd58fa49c16"

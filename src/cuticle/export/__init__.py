@@ -5,30 +5,31 @@ from __future__ import annotations
 import json
 import re
 import textwrap
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import jinja2
 import numpy as np
 
-from cuticle import validate
+from cuticle._support import validate
+from cuticle._support.progress import Progress
+from cuticle._support.version import __version__
 from cuticle.export.frames import FRAMES, Frame, frame
-from cuticle.export.function_table import FunctionTable
+from cuticle.export.headers import amalgamate
 from cuticle.export.literals import single, singles, wrapped
-from cuticle.export.tables import FibreTables, reduce_tables
-from cuticle.fit import MEASURED_AT
-from cuticle.headers import amalgamate
-from cuticle.models import AVERAGE_LIMIT, Bcsdf, DualScattering, with_strands
-from cuticle.origin import model_of
-from cuticle.quality import measure
-from cuticle.sampler import Sampler
-from cuticle.version import __version__
+from cuticle.fitting.fit import MEASURED_AT
+from cuticle.sampling.quality import measure
+from cuticle.sampling.sampler import Sampler
+from cuticle.scattering.bcsdf import Bcsdf, with_strands
+from cuticle.scattering.by_name import model_of
+from cuticle.scattering.compact_table import FunctionTable
+from cuticle.scattering.dual_scattering import DualScattering
+from cuticle.scattering.fibre_tables import AVERAGE_LIMIT, FibreTables
+from cuticle.scattering.host_tables import reduce_tables
 
 __all__ = ["FRAMES", "HOSTS", "Export", "amalgamate", "export"]
 
 HOSTS = ("cpp", "cuda", "glsl", "hlsl", "json", "web")
-Progress = Callable[[str, float], None]
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _RESERVED = {"cuticle", "std", "main"}
 _ROOTS = {"dual": ["dual_scattering.h"], "strand": ["marschner.h"], "chiang": ["chiang.h"], "table": ["tabulated.h"]}

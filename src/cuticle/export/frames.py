@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from cuticle import validate
+from cuticle._support import validate
 
 
 class Frame(NamedTuple):

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from cuticle.export import Export, environment
 from cuticle.export.frames import Frame
-from cuticle.export.function_table import FunctionTable
 from cuticle.export.literals import singles
-from cuticle.export.tables import FibreTables
-from cuticle.models import AVERAGE_LIMIT
-from cuticle.sampler import Sampler
+from cuticle.sampling.sampler import Sampler
+from cuticle.scattering.compact_table import FunctionTable
+from cuticle.scattering.fibre_tables import AVERAGE_LIMIT, FibreTables
 
 TEXTURE_WIDTH = 1024  # every device of OpenGL ES 3.0 has 2048
 _TYPES = ("float", "vec2", "vec3", "vec4")

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from cuticle.export import Export, describe, environment
 from cuticle.export.frames import FRAMES
 from cuticle.export.glsl import TEXTURE_WIDTH, lobe_texels, shader
-from cuticle.export.tables import reduce_tables
-from cuticle.fit import fit
-from cuticle.models import Bcsdf
-from cuticle.sampler import Sampler
+from cuticle.fitting.fit import fit
+from cuticle.sampling.sampler import Sampler
+from cuticle.scattering.bcsdf import Bcsdf
+from cuticle.scattering.host_tables import reduce_tables
 
 LOBES = (1, 2, 4, 8)
 TOLERANCE = 0.02  # of ∫ f cos: a page is loaded whole

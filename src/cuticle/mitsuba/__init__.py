@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from cuticle import _core
-from cuticle.backends import check_backend
+from cuticle._support.backends import check_backend
 
 __all__ = ["MITSUBA_VERSION", "VARIANTS", "Material", "build", "read_material", "register"]
 

@@ -10,14 +10,16 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from cuticle.chiang import Chiang
-from cuticle.export.function_table import FunctionTable, tabulate_function
-from cuticle.export.tables import TOLERANCE
-from cuticle.fibre import Fibre
-from cuticle.lobe_table import SIGMA_PHI, SIGMA_THETA
 from cuticle.mitsuba.material import Material, alone, among_others
-from cuticle.models import AVERAGE_LIMIT, DualScattering, Marschner
-from cuticle.sampler import Sampler
+from cuticle.sampling.lobe_table import SIGMA_PHI, SIGMA_THETA
+from cuticle.sampling.sampler import Sampler
+from cuticle.scattering.chiang import Chiang
+from cuticle.scattering.compact_table import FunctionTable, tabulate_function
+from cuticle.scattering.dual_scattering import DualScattering
+from cuticle.scattering.fibre import Fibre
+from cuticle.scattering.fibre_tables import AVERAGE_LIMIT
+from cuticle.scattering.host_tables import TOLERANCE
+from cuticle.scattering.marschner import Marschner
 
 # Where a spectrum of three values turns from blue to green and from green to red, nm.
 PRIMARY_EDGES = (453.5, 512.9, 587.6, 598.4)

@@ -8,19 +8,22 @@ from typing import Any, NamedTuple
 
 import mitsuba as mi
 
-from cuticle import validate
-from cuticle.chiang import Chiang
-from cuticle.combine import combine
-from cuticle.document import find_functions, highlight_axis, table_2, table_3
-from cuticle.fibre import Fibre
-from cuticle.fit import DRAFT, DocumentFunctions, fit
-from cuticle.lobe_table import MAX_LOBES
-from cuticle.models import LONGITUDINAL_OF, Bcsdf, DualScattering, Marschner
-from cuticle.origin import WHAT, is_fibre, model_of, read_model
-from cuticle.presets import PRESETS, read_fibre
-from cuticle.render.scene import SAMPLINGS
-from cuticle.sampler import Sampler
-from cuticle.strands import Strands
+from cuticle._support import validate
+from cuticle.draft.functions import find_functions
+from cuticle.draft.tables import highlight_axis, table_2, table_3
+from cuticle.fitting.closed_forms import DRAFT, DocumentFunctions
+from cuticle.fitting.fit import SAMPLINGS, fit
+from cuticle.sampling.combining import combine
+from cuticle.sampling.lobe_table import MAX_LOBES
+from cuticle.sampling.sampler import Sampler
+from cuticle.scattering.among_strands import Strands
+from cuticle.scattering.bcsdf import Bcsdf
+from cuticle.scattering.by_name import known_names, model_of, read_parameters_or_model
+from cuticle.scattering.chiang import Chiang
+from cuticle.scattering.dual_scattering import DualScattering
+from cuticle.scattering.fibre import Fibre
+from cuticle.scattering.marschner import LONGITUDINAL_OF, Marschner
+from cuticle.scattering.presets import PRESETS
 
 PARAMETERS = ("fibre", "filename", "near", "strands", "sampling", "lobes", "direct_share", "scale")
 _CHIANG = frozenset(Chiang.model_fields) - frozenset(Fibre.model_fields)
@@ -109,7 +112,7 @@ def _read_function(name: Any, own: dict[str, Any], loaded: Sampler | None, stran
     elif loaded is not None:
         function = loaded.fibre if loaded.fibre is not None else _of_sampler(loaded)
     elif not own:
-        raise ValueError(f"cuticle needs a fibre: fibre ({WHAT}), filename, or sigma_a")
+        raise ValueError(f"cuticle needs a fibre: fibre ({known_names()}), filename, or sigma_a")
     if isinstance(function, Fibre) or (function is None and not _CHIANG & own.keys()):
         _no_others(own, Fibre)
         return function if function is not None else Fibre(**own)
@@ -142,7 +145,7 @@ def _stamp(name: str) -> int:
 @lru_cache(maxsize=16)
 def _named(name: str, _: int) -> Any:
     path = name if name in PRESETS else _resolve(name)
-    return read_fibre(path) if is_fibre(path) else read_model(name if not Path(path).exists() else path)
+    return read_parameters_or_model(name if path == name or not Path(path).exists() else path)
 
 
 def _load(path: str) -> Sampler:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import io
 import json
 import os
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,16 +11,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cuticle import validate
-from cuticle.files import writable_directory, write_bytes, write_text
-from cuticle.render.groom import Groom
+from cuticle._support import validate
+from cuticle._support.files import writable_directory, write_bytes, write_text
+from cuticle._support.plots import figure_bytes
+from cuticle._support.progress import Progress
+from cuticle.fitting.fit import SAMPLINGS
+from cuticle.grooms.groom import Groom
 from cuticle.render.picture import Image, Pass, over_backdrop, passes, rel_mse, render, srgb
-from cuticle.render.scene import SAMPLINGS, Light, View, bsdf, integrator, load_scene, mitsuba
+from cuticle.render.scene import Light, View, bsdf, integrator, load_scene, mitsuba
 
 __all__ = ["Comparison", "Contender", "compare_samplings"]
 
 _COLOURS = {"uniform": "#8a8a8a", "document": "#d08a2c", "lobes": "#2a6fbb"}
-Progress = Callable[[str, float], None]
 
 
 class Contender(NamedTuple):
@@ -247,9 +247,7 @@ def sheet(comparison: Comparison) -> bytes:
         " (red too bright, blue too dark)",
         fontsize=11,
     )
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=110, metadata={"Software": None})
-    return buffer.getvalue()
+    return figure_bytes(figure, dpi=110)
 
 
 def curves(comparison: Comparison) -> bytes:
@@ -274,6 +272,4 @@ def curves(comparison: Comparison) -> bytes:
     ax.legend(fontsize=9, frameon=False)
     for side in ("top", "right"):
         ax.spines[side].set_visible(False)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=110, metadata={"Software": None})
-    return buffer.getvalue()
+    return figure_bytes(figure, dpi=110)

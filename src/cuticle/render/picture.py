@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cuticle import validate
-from cuticle.files import write_bytes
+from cuticle._support import validate
+from cuticle._support.files import write_bytes
 
 __all__ = ["FORMATS", "Pass", "over_backdrop", "passes", "rel_mse", "render", "save_picture", "srgb"]
 

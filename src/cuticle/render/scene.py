@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cuticle import validate
-from cuticle.backends import check_backend
-from cuticle.render.groom import Groom
+from cuticle._support import validate
+from cuticle._support.backends import check_backend
+from cuticle.fitting.fit import SAMPLINGS
+from cuticle.grooms.groom import Groom
 
-__all__ = ["INTEGRATORS", "LIGHTS", "SAMPLINGS", "Light", "View", "bsdf", "integrator", "load_scene", "mitsuba"]
+__all__ = ["INTEGRATORS", "LIGHTS", "Light", "View", "bsdf", "integrator", "load_scene", "mitsuba"]
 
 LIGHTS = ("env", "studio", "area", "point", "sun")
 INTEGRATORS = ("path", "direct", "dual")
-SAMPLINGS = ("lobes", "document", "uniform")
 MAX_PIXELS = 8192
 
 

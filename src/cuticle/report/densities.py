@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,16 +9,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
-from cuticle.distribution import Distribution, tabulate
-from cuticle.models import Bcsdf, with_strands
-from cuticle.quality import measure
-from cuticle.sampler import Sampler
+from cuticle._support.plots import INK, MAP, PALE, PAPER, figure_bytes
+from cuticle.sampling.distribution import Distribution, tabulate
+from cuticle.sampling.quality import measure
+from cuticle.sampling.sampler import Sampler
+from cuticle.scattering.bcsdf import Bcsdf, with_strands
 
 VIEWERS = (-85, -60, -30, 0, 30, 60, 85)
-INK = "#e8e6e3"
-PAPER = "#14161a"
-PALE = "#a9a59e"
-MAP = "magma"
 _HALO = [withStroke(linewidth=2.5, foreground="#00000099")]
 
 
@@ -86,9 +82,7 @@ def densities_figure(
         fontsize=9,
         ha="center",
     )
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", facecolor=PAPER)
-    return buffer.getvalue()
+    return figure_bytes(figure)
 
 
 def _images(d: Distribution, sampler: Sampler, model: Bcsdf, strands: float) -> tuple[np.ndarray, np.ndarray]:

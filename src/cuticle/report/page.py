@@ -13,9 +13,9 @@ from typing import Any
 import jinja2
 import numpy as np
 
-from cuticle.document.plain import VERSION
-from cuticle.files import read_text, write_text
-from cuticle.version import __version__
+from cuticle._support.files import read_text, write_text
+from cuticle._support.version import __version__
+from cuticle.draft.as_values import VERSION
 
 RESULTS = {
     "fit.json": "cuticle fit PRESET|FILE.toml -o DIR",

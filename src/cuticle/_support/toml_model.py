@@ -1,0 +1,43 @@
+"""Parameters that live in a TOML file as one table."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any, ClassVar, TypeVar
+
+from pydantic import BaseModel, ConfigDict
+
+from cuticle._support.files import read_text, read_toml, toml_table, write_text
+
+T = TypeVar("T", bound="TomlModel")
+
+
+class TomlModel(BaseModel):
+    """A frozen set of parameters that reads and writes itself; a class says its table's name and what helps who errs."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    table_name: ClassVar[str]
+    table_remedy: ClassVar[str]
+
+    @classmethod
+    def from_toml(cls: type[T], text: str, *, source: str = "TOML") -> T:
+        """Read it from TOML text with its one table; `source` names it in errors."""
+
+        def make(table: dict[str, Any]) -> T:
+            return cls(**table)
+
+        return read_toml(text, cls.table_name, make, source=source, remedy=cls.table_remedy)
+
+    @classmethod
+    def load(cls: type[T], path: str | os.PathLike[str]) -> T:
+        """Read it from a TOML file."""
+        return cls.from_toml(read_text(path, cls.table_name), source=str(path))
+
+    def to_toml(self) -> str:
+        """Return TOML text that `from_toml` reads back to an equal value."""
+        return toml_table(self.table_name, self.model_dump(exclude_none=True))
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write it to a TOML file, whole or not at all."""
+        return write_text(path, self.to_toml())

@@ -1,0 +1,150 @@
+"""The command line: one module a command, imported when the command is called."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+import warnings
+from collections.abc import Callable
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+# What `cuticle --help` says of each, so that it imports none of them; the first line of the command's own help.
+COMMANDS = {
+    "fibres": "List the published fibres and where their numbers come from.",
+    "fit": "Fit a sampler to a fibre, a table of values or a material of Mitsuba.",
+    "check": "Check a sampler: a table of verdicts, and exit code 1 where one fails.",
+    "document": "Reproduce and complete the draft description: its tables, functions, figures and claims, for any fibre.",
+    "report": "Write one self-contained HTML page from the results of fit, check and document that lie in a folder.",
+    "render": "Render a groom with Mitsuba: `cuticle render GROOM -o picture.png`, options as of `picture`.",
+    "export": "Write a sampler as one file for C++, CUDA, GLSL or HLSL, as JSON, or as a web page to turn it in.",
+    "audit": "Audit a sampler: does it draw what its pdf claims? Exit code 1 where a verdict fails.",
+}
+HIDDEN = ("demo",)
+_LOOK: dict[str, Any] = {"add_completion": False, "pretty_exceptions_enable": False}
+
+
+class _OnDemand(TyperGroup):
+    """Commands whose modules are imported when they are called, not to list them."""
+
+    listing = False
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        if cmd_name not in (*COMMANDS, *HIDDEN):
+            return None
+        if self.listing:
+            return TyperCommand(cmd_name, help=COMMANDS[cmd_name])
+        return load(cmd_name)
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        self.listing = True
+        super().format_help(ctx, formatter)
+        self.listing = False
+
+
+def load(name: str) -> Any:
+    """Return a command by name: the function `command` of its module, or its own group `app`."""
+    module = importlib.import_module(f"cuticle.cli.{name}")
+    if hasattr(module, "app"):
+        return typer.main.get_command(module.app)
+    single = typer.Typer(**_LOOK)
+    single.command(name)(module.command)
+    return typer.main.get_command(single)
+
+
+app = typer.Typer(
+    help="Importance samplers for hair fibres: fitted to a scattering function, and proven.",
+    cls=_OnDemand,
+    no_args_is_help=True,
+    **_LOOK,
+)
+
+
+def _version() -> str:
+    from cuticle._support.version import __version__
+
+    return __version__
+
+
+def _include_dir() -> object:
+    from cuticle.export.headers import include_dir
+
+    return include_dir()
+
+
+def _cmake_dir() -> object:
+    from cuticle.export.headers import cmake_dir
+
+    return cmake_dir()
+
+
+def _print_and_exit(text: Callable[[], object]) -> Callable[[bool], None]:
+    def act(asked: bool) -> None:
+        if asked:
+            print(text())
+            raise typer.Exit
+
+    return act
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version.", is_eager=True, callback=_print_and_exit(_version))
+    ] = False,
+    include: Annotated[
+        bool,
+        typer.Option(
+            "--include-dir", help="Print where the C++ headers lie.", is_eager=True, callback=_print_and_exit(_include_dir)
+        ),
+    ] = False,
+    cmake: Annotated[
+        bool,
+        typer.Option(
+            "--cmake-dir", help="Print where cuticleConfig.cmake lies.", is_eager=True, callback=_print_and_exit(_cmake_dir)
+        ),
+    ] = False,
+) -> None:
+    pass
+
+
+# The base of what Typer raises for a wrong command line: Click's own class, or the copy that newer Typer carries.
+_UsageError: Any = next(c for c in typer.BadParameter.__mro__ if c.__name__ == "ClickException")
+
+
+def main() -> None:
+    """Run the command line: exit code 2 and one line for bad input, 1 for a verdict that fails."""
+    warnings.showwarning = _note  # type: ignore[assignment]
+    try:
+        code = app(args=sys.argv[1:] or ["--help"], standalone_mode=False)
+    except _UsageError as error:
+        code = _complain(error.format_message())
+    except (ValueError, TypeError, RuntimeError) as error:
+        code = _complain(str(error))
+    except (KeyboardInterrupt, typer.Abort):
+        code = _complain("stopped", code=130)
+    sys.exit(code or 0)
+
+
+def _err() -> Any:
+    from cuticle.cli.terminal import err
+
+    return err
+
+
+def _note(message: Warning | str, *_: Any) -> None:
+    _err().print(f"cuticle: {' '.join(str(message).split())}", markup=False, highlight=False, soft_wrap=True)
+
+
+def _complain(message: str, code: int = 2) -> int:
+    _err().print(f"cuticle: {' '.join(message.split())}", markup=False, highlight=False, soft_wrap=True)
+    return code
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,55 @@
+"""`cuticle check`: verdicts on a sampler."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cuticle._support.files import read_text, writable_directory, write_text
+from cuticle.checking.check import check
+from cuticle.cli.tables import check_tables
+from cuticle.cli.terminal import JsonOption, out, progress_bar, read_strands
+from cuticle.sampling.sampler import Sampler
+from cuticle.scattering.by_name import model_of
+
+
+def command(
+    sampler: Annotated[
+        Path, typer.Argument(metavar="SAMPLER.json", help="A sampler that `cuticle fit` wrote, or its folder.")
+    ],
+    model: Annotated[
+        str | None,
+        typer.Option("--model", "--fibre", metavar="PRESET|FILE", help="Check against this one, not the sampler's own."),
+    ] = None,
+    strands: Annotated[
+        str | None, typer.Option(metavar="N,N,…", help="Strand counts; the sampler's own if left out.")
+    ] = None,
+    samples: Annotated[int, typer.Option(help="Samples a case.")] = 1_000_000,
+    seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 1,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write the report as JSON there, too.")
+    ] = None,
+    json_output: JsonOption = False,
+) -> None:
+    """Check a sampler: a table of verdicts, and exit code 1 where one fails."""
+    path = sampler / "sampler.json" if sampler.is_dir() else sampler
+    loaded = Sampler.from_json(read_text(path, "sampler"), source=str(path))
+    function = model_of(loaded, model)
+    counts = None if strands is None else read_strands(strands)
+    if output is not None:
+        writable_directory(output.parent, make=False)
+    with progress_bar(json_output) as progress:
+        report = check(loaded, function, strands=counts, samples=samples, seed=seed, progress=progress)
+    text = json.dumps(report.to_dict(), indent=2, allow_nan=False) + "\n"
+    if output is not None:
+        write_text(output, text)
+    if json_output:
+        print(text, end="")
+    else:
+        for listing in check_tables(report):
+            out.print(listing)
+    if not report.ok:
+        raise typer.Exit(1)

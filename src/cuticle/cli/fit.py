@@ -1,0 +1,104 @@
+"""`cuticle fit`: a sampler for a fibre, a table or a material."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from cuticle._support import validate
+from cuticle._support.files import writable_directory, write_text
+from cuticle.cli.tables import fit_table
+from cuticle.cli.terminal import JsonOption, ModelArgument, ParametersArgument, out, progress_bar, read_strands
+from cuticle.fitting.fit import FORMS, fit
+from cuticle.fitting.result import Fit, fit_summary
+from cuticle.fitting.targets import OBJECTIVES
+from cuticle.sampling.lobe_table import MAX_LOBES
+from cuticle.sampling.quality import channel_bounds
+from cuticle.scattering.among_strands import Strands
+from cuticle.scattering.by_name import read_model
+from cuticle.scattering.chiang import Chiang
+from cuticle.scattering.dual_scattering import DualScattering
+
+
+def command(
+    model: ModelArgument,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for sampler.json, fit.json and the model's file.")
+    ],
+    parameters: ParametersArgument = None,
+    strands: Annotated[
+        str | None,
+        typer.Option(metavar="N,N,…", help="Strand counts toward the light, 0 is direct light; of a fibre 0,1,2,4,8."),
+    ] = None,
+    lobes: Annotated[
+        str, typer.Option(metavar="K|auto", help=f"Lobes, 1 to {MAX_LOBES}; auto: as many as pay for themselves.")
+    ] = "4",
+    form: Annotated[str, typer.Option(help=" | ".join(FORMS))] = "lobes",
+    objective: Annotated[str, typer.Option(help=" | ".join(OBJECTIVES))] = "luminance",
+    defensive: Annotated[float, typer.Option(help="Share of the nearly uniform lobe in the document's form.")] = 0.1,
+    json_output: JsonOption = False,
+) -> None:
+    """Fit a sampler to a fibre, a table of values or a material of Mitsuba."""
+    number = _lobes(lobes)
+    counts = None if strands is None else read_strands(strands)
+    validate.choice("--form", form, FORMS)
+    validate.choice("--objective", objective, OBJECTIVES)
+    validate.number("--defensive", defensive, 0, 0.99)
+    with progress_bar(json_output) as progress:
+        parsed = read_model(model, parameters or (), progress=progress)
+    if counts is None and isinstance(parsed, DualScattering):
+        counts = (0.0, 1.0, 2.0, 4.0, 8.0)
+    if counts is not None and not hasattr(parsed, "with_strands"):
+        parsed = Strands(parsed)
+    folder = writable_directory(output)
+    with progress_bar(json_output) as progress:
+        result = fit(parsed, number, strands=counts, form=form, objective=objective, defensive=defensive, progress=progress)
+    result.sampler.save(folder / "sampler.json")
+    beside = _save_model(parsed, folder)
+    summary = fit_summary(result)
+    write_text(folder / "fit.json", json.dumps(summary, indent=2) + "\n")
+    if json_output:
+        print(json.dumps(summary, indent=2))
+        return
+    out.print(fit_table(result))
+    if result.ess_channels.shape[2] > 1:
+        _tell_bounds(result, parsed, counts)
+    out.print(f"wrote {', '.join(str(folder / name) for name in ('sampler.json', 'fit.json', *beside))}", soft_wrap=True)
+
+
+def _tell_bounds(result: Fit, model: Any, counts: tuple[float, ...] | None) -> None:
+    """Say how far the worst channel is from what one density for all can have, at the first strand count."""
+    first = model.with_strands(counts[0]) if counts else model
+    limits = [channel_bounds(first, float(t)) for t in result.theta_r]
+    found = float(result.ess_channels[0].min())
+    rgb, worst = min(min(b.rgb) for b in limits), min(b.worst for b in limits)
+    out.print(
+        f"Worst channel {found:.3f} (objective {result.objective}). One density serves all channels: the best for their mean"
+        f" 1/ESS has {rgb:.3f} there, the best for the worst channel {worst:.3f}.",
+        soft_wrap=True,
+        highlight=False,
+    )
+
+
+def _save_model(model: Any, folder: Path) -> list[str]:
+    """Write what a model was made of beside its sampler, where it has a file of its own; return the file's name."""
+    if isinstance(model, DualScattering):
+        return [model.fibre.save(folder / "fibre.toml").name]
+    if isinstance(model, Strands):
+        return _save_model(model.model, folder)
+    if isinstance(model, Chiang):
+        return [model.save(folder / "chiang.toml").name]
+    return []
+
+
+def _lobes(text: str) -> int | None:
+    if text == "auto":
+        return None
+    try:
+        number = int(text)
+    except ValueError:
+        raise ValueError(f"--lobes must be a whole number from 1 to {MAX_LOBES} or auto, got {text!r}") from None
+    return validate.integer("--lobes", number, 1, MAX_LOBES, remedy="4 suits most fibres; auto lets the program choose")

@@ -1,0 +1,205 @@
+"""`cuticle render`: a groom, rendered; `cuticle render compare`: the same with every sampling."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from cuticle._support import validate
+from cuticle._support.files import writable_directory
+from cuticle.cli.tables import table
+from cuticle.cli.terminal import JsonOption, out, progress_bar
+from cuticle.fitting.fit import SAMPLINGS
+from cuticle.grooms.groom import Groom, join_grooms, read_groom
+from cuticle.grooms.procedural import hair_ball, hair_head, wavy_lock
+from cuticle.render.scene import INTEGRATORS, LIGHTS, Light, View, bsdf, integrator, load_scene, mitsuba
+from cuticle.sampling.sampler import Sampler
+from cuticle.scattering.by_name import read_parameters_or_model
+
+BUILT_IN: dict[str, Callable[[], Groom]] = {"head": hair_head, "ball": hair_ball, "lock": wavy_lock}
+
+
+class _PictureFirst(TyperGroup):
+    """`render GROOM` is `render picture GROOM`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        if args and args[0] not in (*self.commands, "--help"):
+            args = ["picture", *args]
+        return super().parse_args(ctx, args)
+
+
+app = typer.Typer(
+    cls=_PictureFirst,
+    help="Render a groom with Mitsuba: `cuticle render GROOM -o picture.png`, options as of `picture`.",
+    no_args_is_help=True,
+)
+
+GroomArgument = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="GROOM…", help=f"Files (.hair .data .tfx .usd .abc .txt), taken together, or {' or '.join(BUILT_IN)}."
+    ),
+]
+FibreOption = Annotated[
+    str, typer.Option(metavar="PRESET|FILE", help="A preset, a TOML file, a table (.npz, .csv) or a sampler's JSON file.")
+]
+LightOption = Annotated[str, typer.Option(help=" | ".join(LIGHTS))]
+RadiusOption = Annotated[float | None, typer.Option(help="Of all strands, in the file's unit, in place of the file's.")]
+TipOption = Annotated[float | None, typer.Option(help="Radius at the tip, with --radius at the root.")]
+FollowersOption = Annotated[int, typer.Option(help="Copies beside each strand: grooms for games hold guides only.")]
+SpreadOption = Annotated[float | None, typer.Option(help="How far copies stray; 1/200 of the groom's size if left out.")]
+WidthOption = Annotated[int, typer.Option(help="Pixels.")]
+AzimuthOption = Annotated[float, typer.Option(help="Camera's direction around the up axis +y, degrees from +z.")]
+ElevationOption = Annotated[float, typer.Option(help="Camera's height above the horizon, degrees.")]
+ZoomOption = Annotated[float, typer.Option(help="1 fits the whole groom.")]
+VariantOption = Annotated[str, typer.Option(help="Mitsuba's variant.")]
+
+
+def _groom(names: list[str], radius: float | None, tip: float | None, followers: int, spread: float | None) -> Groom:
+    if tip is not None and radius is None:
+        raise ValueError("--tip needs --radius, the radius at the root")
+    validate.integer("--followers", followers, 0, 1000)
+    grooms = [BUILT_IN[n]() if n in BUILT_IN else read_groom(n, radius=radius) for n in names]
+    groom = join_grooms(grooms) if len(grooms) > 1 else grooms[0]
+    if followers:
+        low, high = groom.bounds
+        groom = groom.with_followers(followers, float(max(high - low)) / 200 if spread is None else spread)
+    if radius is not None:
+        groom = groom.with_thickness(radius, tip)
+    return groom
+
+
+def _check_fibre(name: str) -> None:
+    if name.endswith(".json"):
+        Sampler.load(name)
+    else:
+        read_parameters_or_model(name)
+
+
+@app.command("picture")
+def picture_command(
+    groom: GroomArgument,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="The picture: .exr or .png.")],
+    fibre: FibreOption = "brown",
+    light: LightOption = "studio",
+    strength: Annotated[float, typer.Option(help="Multiplies the light.")] = 1.0,
+    technique: Annotated[str, typer.Option("--integrator", help=" | ".join(INTEGRATORS))] = "dual",
+    depth: Annotated[int, typer.Option(help="Segments of a path, for --integrator path.")] = 64,
+    counter: Annotated[str, typer.Option(help="How dual counts strands: grid | trace.")] = "grid",
+    sampling: Annotated[str, typer.Option(help=" | ".join(SAMPLINGS))] = "lobes",
+    spp: Annotated[int, typer.Option(help="Samples a pixel.")] = 64,
+    radius: RadiusOption = None,
+    tip: TipOption = None,
+    followers: FollowersOption = 0,
+    spread: SpreadOption = None,
+    width: WidthOption = 512,
+    height: Annotated[int | None, typer.Option(help="Pixels; as the width if left out.")] = None,
+    azimuth: AzimuthOption = 25.0,
+    elevation: ElevationOption = 10.0,
+    zoom: ZoomOption = 1.0,
+    exposure: Annotated[float, typer.Option(help="Stops by which a PNG is brightened.")] = 0.0,
+    seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 0,
+    variant: VariantOption = "scalar_rgb",
+    json_output: JsonOption = False,
+) -> None:
+    """Render a groom to an EXR or a PNG file."""
+    from cuticle.render.picture import MAX_SPP, picture_path, render, save_picture
+
+    target = picture_path(output)
+    writable_directory(target.parent, make=False)
+    validate.integer("--spp", spp, 1, MAX_SPP)
+    view = View(azimuth=azimuth, elevation=elevation, width=width, height=width if height is None else height, zoom=zoom)
+    lit = Light(light, strength)
+    validate.choice("--counter", counter, ("grid", "trace"))
+    own: dict[str, Any] = {"counter": counter} if technique == "dual" else {}
+    how = integrator(technique, depth=depth, **own)
+    material = bsdf(fibre, sampling, strands=technique == "dual")
+    _check_fibre(fibre)
+    hair = _groom(groom, radius, tip, followers, spread)
+    mi = mitsuba(variant)
+    with progress_bar(json_output) as progress:
+        progress("fitting the fibre, loading the scene", 0.0)
+        scene = load_scene(mi, hair, material, view=view, light=lit, technique=how)
+        done = render(scene, spp, seed=seed, progress=progress)
+    save_picture(target, done.image, exposure=exposure)
+    if json_output:
+        facts = {"output": str(target), "strands": hair.strands, "spp": done.spp, "seconds": round(done.seconds, 3)}
+        print(json.dumps(facts))
+    else:
+        out.print(
+            f"wrote {target}: {hair.strands:,} strands, {done.spp} samples a pixel in {done.seconds:.1f} s", soft_wrap=True
+        )
+
+
+@app.command("compare")
+def compare_command(
+    groom: GroomArgument,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for compare.json, sheet.png, curves.png.")
+    ],
+    fibre: FibreOption = "brown",
+    light: LightOption = "env",
+    seconds: Annotated[float, typer.Option(help="Rendering time of each of the six.")] = 10.0,
+    reference_spp: Annotated[int, typer.Option(help="Samples a pixel of the reference.")] = 2048,
+    radius: RadiusOption = None,
+    tip: TipOption = None,
+    followers: FollowersOption = 0,
+    spread: SpreadOption = None,
+    width: WidthOption = 192,
+    azimuth: AzimuthOption = 25.0,
+    elevation: ElevationOption = 10.0,
+    zoom: ZoomOption = 1.0,
+    variant: VariantOption = "scalar_rgb",
+    json_output: JsonOption = False,
+) -> None:
+    """Render one scene with uniform, document and lobes sampling, and measure the error at equal samples and equal time."""
+    validate.number("--seconds", seconds, 0.1, 3600)
+    validate.integer("--reference-spp", reference_spp, 16, 1 << 20)
+    view = View(azimuth=azimuth, elevation=elevation, width=width, height=width, zoom=zoom)
+    lit = Light(light)
+    _check_fibre(fibre)
+    hair = _groom(groom, radius, tip, followers, spread)
+    mitsuba(variant)
+    folder = writable_directory(output)
+    from cuticle.render.compare import compare_samplings
+
+    with progress_bar(json_output) as progress:
+        result = compare_samplings(
+            hair,
+            fibre,
+            view=view,
+            light=lit,
+            seconds=seconds,
+            reference_spp=reference_spp,
+            variant=variant,
+            progress=progress,
+        )
+    result.save(folder)
+    plain = result.to_dict()
+    if json_output:
+        print(json.dumps(plain, indent=2))
+        return
+    grid = table(
+        f"{fibre}, {light} light, {hair.strands:,} strands, {width} x {width}, path depth 2",
+        f"reference: {reference_spp} samples a pixel, relMSE of its own noise {result.reference_error:.2g}",
+    )
+    for column in ("technique", "sampling", "relMSE, equal samples", "relMSE, equal time", "samples in that time", "gain"):
+        grid.add_column(column, justify="left" if column in ("technique", "sampling") else "right")
+    for c in plain["contenders"]:
+        same, timed = c["equal_samples"], c["equal_time"]
+        grid.add_row(
+            {"bsdf": "BSDF sampling alone", "mis": "with emitter sampling"}[c["technique"]],
+            c["sampling"],
+            f"{same['rel_mse']:.3g} ({same['spp']})",
+            f"{timed['rel_mse']:.3g}",
+            f"{timed['spp']}",
+            f"{c['gain_over_uniform']:.2f}",
+        )
+    out.print(grid)
+    out.print("gain: how many times longer uniform sampling takes to the same error")
+    out.print(f"wrote {folder / 'compare.json'}, {folder / 'sheet.png'}, {folder / 'curves.png'}", soft_wrap=True)

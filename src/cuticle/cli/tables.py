@@ -1,0 +1,136 @@
+"""Results as tables for a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rich import box
+from rich.table import Table
+
+from cuticle.checking.check import Report
+from cuticle.checking.verdicts import Verdict
+from cuticle.fitting.result import Fit
+
+
+def table(title: str, caption: str | None = None) -> Table:
+    """Return an empty table in our style."""
+    return Table(title=title, caption=caption, box=box.SIMPLE_HEAD, pad_edge=False, title_style="bold", title_justify="left")
+
+
+def ess_text(value: float) -> str:
+    """Return an ESS in four characters, so that nine viewers fit a terminal."""
+    return f"{value:.2f}" if value >= 0.9995 else f"{value:.3f}"[1:]
+
+
+def channels_text(channels: NDArray[np.float64]) -> str:
+    """Return the ESS of each channel, (viewers, channels), at its worst viewer."""
+    return " ".join(ess_text(x) for x in np.atleast_2d(channels).min(axis=0))
+
+
+def fit_table(result: Fit) -> Table:
+    """Return the table of ESS by strand count and viewer."""
+    caption = f"fitted in {result.seconds:.2f} s"
+    if result.candidates:
+        caption += f"; {result.sampler.lobes} lobes: the fewest past which ESS per cost of a traced sample stops growing"
+    grid = table(f"ESS: {result.form}, {result.sampler.lobes} lobes, objective {result.objective}", caption=caption)
+    grid.add_column("strands", justify="right")
+    for t in np.degrees(result.theta_r):
+        grid.add_column(f"{t:.0f}°", justify="right")
+    grid.add_column("channels, worst" if result.ess_channels.shape[2] > 1 else "largest weight", justify="right")
+    for n, row, channels, weights in zip(
+        result.sampler.strands, result.ess, result.ess_channels, result.largest_weight, strict=True
+    ):
+        last = channels_text(channels) if channels.shape[1] > 1 else f"{weights.max():.3g}"
+        grid.add_row(f"{n:g}", *map(ess_text, row), last)
+    return grid
+
+
+def verdict_table(title: str, verdicts: Iterable[Verdict]) -> Table:
+    """Return verdicts as a table."""
+    listing = table(title)
+    for column in ("", "claim", "worst", "limit", "where", "what it means"):
+        listing.add_column(column)
+    for v in verdicts:
+        mark = "[green]pass[/]" if v.passed else "[red]FAIL[/]"
+        listing.add_row(mark, v.name, f"{v.value:.2g}", f"{v.limit:.2g}", v.where, v.meaning)
+    return listing
+
+
+def check_tables(report: Report) -> list[Table]:
+    """Return the verdicts, the controls and the cases as tables."""
+    verdicts = verdict_table(f"Verdicts: {len(report.cases)} cases of {report.samples:,} samples", report.verdicts)
+    cases = table("ESS by viewer and strands, largest weight f·cos/(p ∫ f·cos), TV distance (worst viewer)")
+    cases.add_column("strands", justify="right")
+    angles = list(dict.fromkeys(c.theta_r for c in report.cases))
+    for t in angles:
+        cases.add_column(f"{np.degrees(t):.3g}°", justify="right")
+    coloured = len(report.cases[0].ess_channels) > 1
+    if coloured:
+        cases.add_column("channels, worst", justify="right")
+    cases.add_column("weight", justify="right")
+    cases.add_column("TV", justify="right")
+    for n in dict.fromkeys(c.strands for c in report.cases):
+        row = [c for c in report.cases if c.strands == n]
+        worst = f"{max(c.largest_weight for c in row):.3g}", f"{max(c.total_variation for c in row):.3f}"
+        channels = [channels_text(np.array([c.ess_channels for c in row]))] if coloured else []
+        cases.add_row(f"{n:g}", *(ess_text(c.ess) for c in row), *channels, *worst)
+    controls = table("Negative controls: samplers broken on purpose")
+    for column in ("strands", "control", "caught", "evidence"):
+        controls.add_column(column)
+    for c in report.controls:
+        caught = "yes" if c.caught else "NO" if c.applies else "hardly a change"
+        controls.add_row(f"{c.strands:g}", c.name, caught, c.evidence)
+    return [cases, controls, verdicts]
+
+
+def document_tables(plain: dict[str, Any]) -> list[Table]:
+    """Return the draft's three tables, ours beside the printed, the functions and the claims."""
+
+    def values(row: dict[str, Any], names: tuple[tuple[str, int], ...]) -> list[str]:
+        texts = []
+        for name, digits in names:
+            ours, printed = row[name]["ours"], row[name]["printed"]
+            text = "–" if ours is None else f"{ours:.{digits}f}"
+            texts.append(text if printed is None else f"{text} [dim]{printed:g} ({row[name]['difference']:+.{digits}f})[/]")
+        return texts
+
+    def rms(cells: dict[str, float | None]) -> str:
+        known = ", ".join(f"{k} {v:.3g}" for k, v in cells.items() if v is not None)
+        return f"rms difference: {known}" if known else ""
+
+    compared = any(r["theta_i_deg"]["printed"] is not None for r in plain["table_1"]["rows"])
+    aside = "; ours, then printed (difference)" if compared else ""
+    one = table(f"Table 1: the maximum, degrees{aside}", rms(plain["table_1"]["rms_within_60_deg"]))
+    for column in ("phi_r", "theta_r", "theta_i", "phi_i"):
+        one.add_column(column, justify="right")
+    for r in plain["table_1"]["rows"]:
+        cells = values(r, (("theta_i_deg", 1), ("phi_i_deg", 1)))
+        one.add_row(f"{r['phi_r_deg']}", f"{r['theta_r_deg']}", *cells)
+    two = table(f"Table 2: Gaussians through the highlight, direct light{aside}", rms(plain["table_2"]["rms"]))
+    for column in ("theta_r", "s_V", "sigma_V", "shift_V", "s_H", "sigma_H", "shift_H", ""):
+        two.add_column(column, justify="right")
+    names = (("s_V", 2), ("sigma_V", 2), ("shift_V_deg", 0), ("s_H", 2), ("sigma_H", 2), ("shift_H_deg", 1))
+    for r in plain["table_2"]["rows"]:
+        two.add_row(f"{r['theta_r_deg']}", *values(r, names), r["note"])
+    three = table(f"Table 3: one Gaussian through n strands{aside}", rms(plain["table_3"]["rms_within_60_deg"]))
+    for column in ("n", "theta_r", "s", "sigma", "shift", ""):
+        three.add_column(column, justify="right")
+    for r in plain["table_3"]["rows"]:
+        cells = values(r, (("s", 4), ("sigma", 3), ("shift_deg", 1)))
+        three.add_row(f"{r['strands']:g}", f"{r['theta_r_deg']}", *cells, r["note"])
+    functions = table("The general functions: theta = theta_r in radians", plain["no_functions_because"])
+    for column in ("", "function", "rms, rad", "next best"):
+        functions.add_column(column)
+    for name, f in (plain["functions"] or {}).items():
+        others = f["runners_up"][0]["text"] if f["runners_up"] else ""
+        functions.add_row(name, f["best"]["text"], f"{f['best']['rms']:.2g}", f"[dim]{others}[/]")
+    claims = table("What the draft claims")
+    for column in ("", "claim", "what was found"):
+        claims.add_column(column)
+    colours = {"holds": "green", "holds in part": "yellow", "does not hold": "red"}
+    for c in plain["claims"]:
+        claims.add_row(f"[{colours[c['verdict']]}]{c['verdict']}[/]", f"“{c['quote']}”", c["finding"])
+    return [one, two, three, functions, claims]

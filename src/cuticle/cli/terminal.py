@@ -1,0 +1,48 @@
+"""What the commands share: where they print, how they show progress, and the arguments they have in common."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from cuticle._support import validate
+
+# A pipe or a file has no width of its own: give the tables room there.
+out = Console() if sys.stdout.isatty() else Console(width=118)
+err = Console(stderr=True)
+
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON for scripts instead of a table.")]
+ModelArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="MODEL",
+        help="A preset, a TOML file with a table named fibre or chiang, a table of values (.npz, .csv), or mitsuba:PLUGIN.",
+    ),
+]
+ParametersArgument = Annotated[
+    list[str] | None, typer.Argument(metavar="KEY=VALUE…", help="Parameters of a Mitsuba plugin.", show_default=False)
+]
+
+
+@contextmanager
+def progress_bar(quiet: bool = False) -> Iterator[Callable[[str, float], None]]:
+    """Show a bar on standard error while something runs; nothing where it is no terminal or JSON was asked for."""
+    columns = (TextColumn("{task.description:<34}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=err, transient=True, disable=quiet or not err.is_terminal) as bar:
+        task = bar.add_task("starting", total=1.0)
+        yield lambda phase, fraction: bar.update(task, description=phase, completed=fraction)
+
+
+def read_strands(text: str) -> tuple[float, ...]:
+    """Return strand counts from text such as 0,1,2,4,8."""
+    try:
+        counts = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise ValueError(f"--strands must be numbers with commas between, such as 0,1,2,4,8; got {text!r}") from None
+    return validate.strand_counts("--strands", counts)

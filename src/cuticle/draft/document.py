@@ -1,0 +1,204 @@
+"""The draft description's tables, general functions, claims and open comparison, for any fibre."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cuticle._support.files import writable_directory, write_bytes, write_text
+from cuticle._support.progress import Progress
+from cuticle.draft import claims as judge
+from cuticle.draft.as_values import as_values
+from cuticle.draft.findings import Findings, Mixing
+from cuticle.draft.functions import find_functions
+from cuticle.draft.printed import Printed
+from cuticle.draft.tables import VIEWERS, highlight_axis, table_1, table_2, table_3
+from cuticle.fitting.cost import UNIFORM, measure_costs
+from cuticle.fitting.fit import fit
+from cuticle.fitting.result import Fit
+from cuticle.sampling.combining import combine, mixed_ess
+from cuticle.sampling.quality import UniformSphere, measure
+from cuticle.scattering.among_strands import Strands
+from cuticle.scattering.bcsdf import Bcsdf
+from cuticle.scattering.dual_scattering import DualScattering
+from cuticle.scattering.fibre import Fibre
+
+LOBES = 4
+COUNTS = (0.0, 1.0, 2.0, 4.0, 8.0)  # that samplers are fitted for
+SHARES = (0.0, 0.1, 0.25, 0.5, 0.75, 0.9, 1.0)
+WEIGHTS = (0.1, 0.25, 0.5, 0.75, 0.9)
+KNOWN_STRANDS = 2.0
+_MIX_VIEWERS = np.radians([-60.0, 0.0, 60.0])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Document(Findings):
+    """The draft, reproduced and completed for one fibre: what was found, as text, values and figures."""
+
+    def __repr__(self) -> str:
+        lines = [f"Document({self.name or repr(self.model)}, {self.seconds:.1f} s)"]
+        if self.found is not None:
+            for name, choice in self.found.choices.items():
+                lines.append(f"  {name} = {choice.best.text()}")
+        lines += [f"  {c.verdict}: {c.quote}" for c in self.claims]
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all of it as plain values, ours and printed: angles in degrees, deviations in radians."""
+        return as_values(self)
+
+    def save(self, folder: str | os.PathLike[str], *, progress: Progress | None = None) -> Path:
+        """Write document.json and the figures, figures/NAME.svg and .png, into a folder; return the JSON's path.
+
+        Raises
+        ------
+        ValueError
+            The folder cannot be written to.
+        """
+        from cuticle._support.plots import figure_bytes
+        from cuticle.draft.figures import figures  # Matplotlib takes a second to import
+
+        report = progress or (lambda phase, fraction: None)
+        target = writable_directory(Path(folder) / "figures").parent
+        drawn = figures(self)
+        entries = {}
+        for i, (name, (figure, words)) in enumerate(drawn.items()):
+            report(f"drawing {name}", i / len(drawn))
+            for kind in ("svg", "png"):
+                write_bytes(target / "figures" / f"{name}.{kind}", figure_bytes(figure, kind))
+            entries[name] = {"file": f"figures/{name}.svg", **words}
+        data = self.to_dict() | {"figures": entries}
+        return write_text(target / "document.json", json.dumps(data, indent=1, allow_nan=False) + "\n")
+
+
+def document(
+    fibre: str | Fibre | Bcsdf = "document",
+    *,
+    printed: Printed | None = None,
+    lobes: Fit | None = None,
+    name: str = "",
+    progress: Progress | None = None,
+) -> Document:
+    """Reproduce and complete the draft description for a fibre.
+
+    Parameters
+    ----------
+    fibre
+        A preset's name, a fibre, or a model: one that has `with_strands`, or the function of a single strand, which is
+        then put among others (`cuticle.Strands`).
+    printed
+        The draft's tables to compare with, from `Printed.load`; they belong to the `document` fibre.
+    lobes
+        A fit of lobes to this model that covers 0, 1, 2, 4 and 8 strands, to compare with; four lobes are fitted if left
+        out.
+    name
+        What to call the fibre; a preset's own name if left out.
+    progress
+        Called with a phase and a fraction from 0 to 1.
+
+    Examples
+    --------
+    >>> import cuticle
+    >>> d = cuticle.document("document")
+    >>> d.found.functions.mu_H.terms[1].theta
+    'θ'
+    """
+    report = progress or (lambda phase, fraction: None)
+    start = time.perf_counter()
+    if isinstance(fibre, str):
+        name = name or fibre
+        fibre = Fibre.preset(fibre)
+    if not isinstance(fibre, Fibre) and not callable(getattr(fibre, "eval", None)):
+        raise TypeError(f"fibre must be a preset's name, a Fibre or a model with eval, got {type(fibre).__name__}")
+    model: Any = DualScattering(fibre) if isinstance(fibre, Fibre) else fibre
+    model = model.with_strands(0.0) if hasattr(model, "with_strands") else Strands(model)
+    if lobes is not None and lobes.sampler.strands != COUNTS:
+        counts = ", ".join(f"{n:g}" for n in lobes.sampler.strands)
+        raise ValueError(f"lobes must cover the strand counts 0, 1, 2, 4, 8; got {counts}; fit with those counts")
+    report("tables", 0.02)
+    axis = highlight_axis(model)
+    one = table_1(model)
+    report("tables", 0.1)
+    two = table_2(model, axis=axis)
+    three = table_3(model)
+    report("functions", 0.2)
+    found, reason = None, ""
+    try:
+        found = find_functions(two, three, axis)
+    except ValueError as error:
+        reason = str(error)
+    report("samplers", 0.3)
+    fits = {"draft": fit(model, form="document", strands=COUNTS)}
+    if found is not None:
+        fits["found"] = fit(model, form="document", strands=COUNTS, functions=found.functions)
+    fits["lobes"] = fit(model, LOBES, strands=COUNTS) if lobes is None else lobes
+    report("comparison", 0.6)
+    quality = _quality(model, fits)
+    report("costs", 0.75)
+    costs = measure_costs({name: (f.sampler, 0.0) for name, f in fits.items()})
+    costs["uniform"] = costs.pop(UNIFORM)
+    report("claims", 0.8)
+    claims = (
+        judge.shift_claim(two),
+        judge.width_claim(two),
+        judge.turning_claim(one),
+        judge.azimuth_claim(model, COUNTS[1:]),
+        judge.match_claim(quality, fits["lobes"].sampler.lobes),
+        judge.uniform_claim(quality, costs, fits["lobes"].sampler.lobes),
+    )
+    report("combining", 0.85)
+    mixing = tuple(_mixing(model, fits["lobes"], n) for n in (KNOWN_STRANDS, None))
+    report("done", 1.0)
+    return Document(
+        name=name,
+        model=model,
+        axis=axis,
+        table_1=one,
+        table_2=two,
+        table_3=three,
+        found=found,
+        reason=reason,
+        claims=claims,
+        quality=quality,
+        fits=fits,
+        mixing=mixing,
+        printed=printed,
+        printed_choices=printed.choices() if printed is not None else {},
+        seconds=time.perf_counter() - start,
+    )
+
+
+def _quality(model: DualScattering | Strands, fits: dict[str, Fit]) -> dict[str, dict[str, dict[str, float]]]:
+    """Return the uniform sphere's quality and that of the fits, who measured theirs already."""
+
+    def means(ess: NDArray[np.float64], variation: NDArray[np.float64]) -> dict[str, dict[str, float]]:
+        return {
+            f"{n:g}": {"ess": float(e.mean()), "total_variation": float(v.mean())}
+            for n, e, v in zip(COUNTS, ess, variation, strict=True)
+        }
+
+    uniform = [[measure(UniformSphere(), model.with_strands(n), float(t), n) for t in VIEWERS] for n in COUNTS]
+    pairs = np.array([[(q.ess, q.total_variation) for q in row] for row in uniform])
+    quality = {"uniform": means(pairs[..., 0], pairs[..., 1])}
+    for name, found in fits.items():
+        at = np.isin(found.theta_r.round(9), VIEWERS.round(9))
+        quality[name] = means(found.ess[:, at], found.total_variation[:, at])
+    return quality
+
+
+def _mixing(model: DualScattering | Strands, lobes: Fit, strands: float | None) -> Mixing:
+    others = [model.with_strands(n) for n in ([strands] if strands is not None else COUNTS[1:])]
+    table, best = [], []
+    combined = [combine(lobes.sampler, lobes.sampler, w, strands=strands) for w in WEIGHTS]
+    for share in SHARES:
+        cells = [[mixed_ess(c, model, others, share, float(t)) for t in _MIX_VIEWERS] for c in combined]  # type: ignore[arg-type]
+        table.append(tuple(float(np.mean([ess for ess, _ in row])) for row in cells))
+        best.append(float(np.mean([limit for _, limit in cells[0]])))
+    return Mixing(strands, SHARES, WEIGHTS, tuple(table), tuple(best))

@@ -1,0 +1,1 @@
+"""From a scattering function to a sampler."""

@@ -1,0 +1,210 @@
+"""Fitting a sampler to a scattering function."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from cuticle._support import validate
+from cuticle._support.progress import Progress
+from cuticle.fitting.closed_forms import DRAFT, DocumentFunctions, document_nodes
+from cuticle.fitting.closed_forms import THETA_NODES as DOCUMENT_NODES
+from cuticle.fitting.lobes import END, Points, carry, grow, make_points, node_angles, polish
+from cuticle.fitting.mixture import Array, loss, to_natural
+from cuticle.fitting.result import Candidate, Fit
+from cuticle.fitting.targets import OBJECTIVES, make_targets
+from cuticle.sampling.lobe_table import MAX_LOBES
+from cuticle.sampling.quality import measure
+from cuticle.sampling.sampler import Sampler
+from cuticle.scattering.bcsdf import Bcsdf, check_model, strands_of
+from cuticle.scattering.by_name import provenance
+
+FORMS = ("lobes", "document")
+SAMPLINGS = (*FORMS, "uniform")  # what a renderer may draw from
+MEASURED_AT = np.radians([-85, -75, -60, -30, 0, 30, 60, 75, 85.0])
+MAX_AUTO_LOBES = 12
+
+
+def sampling_cost(lobes: int, *, path: float = 30.0) -> float:
+    """Return the cost of one sample with its path, in calibration kernels (16 expf, about 50 ns).
+
+    `path` is what tracing and shading one ray costs beside the sampler: an assumption, of the order of 1.5 microseconds. The
+    sampler's own cost is a line through `make bench`'s K = 4, 8, 16.
+    """
+    return path + 1.05 + 0.04 * lobes
+
+
+def fit(
+    model: Bcsdf,
+    lobes: int | None = 4,
+    *,
+    strands: Sequence[float] | None = None,
+    form: str = "lobes",
+    objective: str = "luminance",
+    defensive: float = 0.1,
+    functions: DocumentFunctions = DRAFT,
+    progress: Progress | None = None,
+) -> Fit:
+    """Fit a sampler to a scattering function.
+
+    Parameters
+    ----------
+    model
+        Any object with `eval(theta_i, theta_r, phi)`; for several strand counts also `with_strands(n)`.
+    lobes
+        Number of product lobes K, 1 to 32; None takes the smallest K past which ESS over cost stops growing.
+    strands
+        Increasing strand counts to cover; the model's own count if left out.
+    form
+        "lobes": K lobes fitted to minimise 1/ESS. "document": the draft description's closed forms with `functions`,
+        and a `defensive` share.
+    objective
+        "luminance", or "rgb": 1/ESS averaged over all channels.
+    defensive
+        Share of a nearly uniform lobe in the document's form, 0 to 0.99.
+    functions
+        Of the document's form: the draft's own numbers if left out (for its own fibre, whatever the model: a baseline);
+        `cuticle.document` finds those of any fibre.
+    progress
+        Called with a phase and a fraction from 0 to 1 of the whole.
+
+    Returns
+    -------
+    Fit
+        The sampler, and its ESS measured by quadrature.
+
+    Raises
+    ------
+    ValueError
+        A parameter out of range; a model that returns NaN, negative or no energy.
+
+    Examples
+    --------
+    >>> import cuticle
+    >>> result = cuticle.fit(cuticle.Marschner(cuticle.Fibre.preset("black")), lobes=2)
+    >>> result.sampler
+    Sampler(lobes, 2 lobes, 25 theta nodes, strands 0)
+    """
+    validate.choice("form", form, FORMS)
+    validate.choice("objective", objective, OBJECTIVES)
+    if lobes is not None:
+        lobes = validate.integer("lobes", lobes, 1, MAX_LOBES, remedy="4 suits most fibres; None lets the program choose")
+    validate.number("defensive", defensive, 0, 0.99)
+    if not isinstance(functions, DocumentFunctions):
+        raise TypeError(f"functions must be DocumentFunctions, got {type(functions).__name__}; cuticle.document finds them")
+    check_model(model)
+    counts = _counts(model, strands)
+    report = progress or (lambda phase, fraction: None)
+
+    def with_strands(n: float) -> Any:
+        return model if n == strands_of(model) else model.with_strands(n)  # type: ignore[attr-defined]
+
+    start = time.perf_counter()
+    candidates: tuple[Candidate, ...] = ()
+    if form == "document":
+        report("closed forms", 0.5)
+        angles = np.clip(np.linspace(-np.pi / 2, np.pi / 2, DOCUMENT_NODES), -END, END)
+        targets = make_targets([with_strands(n) for n in counts for _ in angles], [*angles] * len(counts), objective)
+        nodes, energy, even = document_nodes(counts, defensive, functions), targets.energy.reshape(len(counts), -1), True
+    else:
+        nodes, energy, even, candidates = _fit_lobes(with_strands, counts, lobes, objective, report)
+    seconds = time.perf_counter() - start
+
+    about: dict[str, Any] = {"form": form, "objective": objective}
+    if form == "document":
+        about["functions"] = [line for lines in functions.code() for line in lines]
+    about |= provenance(model)
+    sampler = Sampler(nodes, energy, counts, even, about)
+    report("measuring", 0.95)
+    quality = [[measure(sampler, with_strands(n), float(t), n) for t in MEASURED_AT] for n in counts]
+    report("done", 1.0)
+    return Fit(
+        sampler=sampler,
+        theta_r=MEASURED_AT,
+        ess=np.array([[q.ess for q in row] for row in quality]),
+        ess_channels=np.array([[q.ess_channels for q in row] for row in quality]),
+        largest_weight=np.array([[q.largest_weight for q in row] for row in quality]),
+        total_variation=np.array([[q.total_variation for q in row] for row in quality]),
+        seconds=seconds,
+        form=form,
+        objective=objective,
+        candidates=candidates,
+    )
+
+
+def _counts(model: Bcsdf, strands: Sequence[float] | None) -> tuple[float, ...]:
+    own = strands_of(model)
+    if strands is None:
+        return (own,)
+    counts = validate.strand_counts("strands", strands)
+    if counts != (own,) and not callable(getattr(model, "with_strands", None)):
+        raise TypeError(f"{type(model).__name__} knows no strands: leave strands out, or give a model with with_strands(n)")
+    return counts
+
+
+def _fit_lobes(
+    with_strands: Callable[[float], Bcsdf],
+    counts: tuple[float, ...],
+    lobes: int | None,
+    objective: str,
+    report: Progress,
+) -> tuple[Array, Array, bool, tuple[Candidate, ...]]:
+    # Direct light and light through strands have different shapes: two groups, each smooth within.
+    groups = [g for g in (tuple(n for n in counts if n == 0), tuple(n for n in counts if n > 0)) if g]
+    points: list[Points] = []
+    starts: list[Array] = []
+    for g in groups:
+        report("tabulating", 0.3 * len(points) / len(groups))
+        points.append(make_points(with_strands, g, objective))
+    candidates: tuple[Candidate, ...] = ()
+    if lobes is None:
+        lobes, candidates, starts = _choose_lobes(points, report)
+    else:
+        for p in points:
+            report("growing lobes", 0.35)
+            starts.append(grow(_at_start(p), lobes)[-1])
+    tables, energies = [], []
+    for i, (p, g) in enumerate(zip(points, groups, strict=True)):
+        low, high = 0.4 + 0.55 * i / len(groups), 0.4 + 0.55 * (i + 1) / len(groups)
+        report("carrying to all viewers", low)
+        u = carry(p, starts[i], len(g))
+        u = polish(p, u, iterations=30, progress=lambda f, a=low, b=high: report("polishing", a + (b - a) * f))  # type: ignore[misc]
+        tables.append(to_natural(u))
+        energies.append(_node_energy(p, len(g)))
+    return np.concatenate(tables), np.concatenate(energies), points[0].targets.even, candidates
+
+
+def _at_start(points: Points) -> Any:
+    middle = np.flatnonzero((points.node == len(node_angles()) // 2) & (points.t == 0) & (points.row == 0))[:1]
+    return points.targets.take(middle)
+
+
+def _node_energy(points: Points, rows: int) -> Array:
+    energy = np.empty((rows, len(node_angles())))
+    for r, i, t, s, e in zip(points.row, points.node, points.t, points.s, points.targets.energy, strict=True):
+        if s == 0 and t in (0.0, 1.0):
+            energy[r, i + int(t)] = e
+    return energy
+
+
+def _choose_lobes(points: Sequence[Points], report: Progress) -> tuple[int, tuple[Candidate, ...], list[Array]]:
+    """Weigh K = 1, 2, … by mean ESS over the cost of a traced sample, carried to all viewers but not polished."""
+    grown = [grow(_at_start(p), MAX_AUTO_LOBES) for p in points]
+    candidates: list[Candidate] = []
+    for k in range(1, MAX_AUTO_LOBES + 1):
+        report(f"weighing {k} lobes", 0.3 + 0.1 * k / MAX_AUTO_LOBES)
+        values = []
+        for p, fits in zip(points, grown, strict=True):
+            rows = int(p.row.max()) + 1
+            u = carry(p, fits[k - 1], rows)
+            values.append(1 / (1 + 2 * loss(p.targets, p.natural(to_natural(u)))))
+        ess, cost = float(np.concatenate(values).mean()), sampling_cost(k)
+        candidates.append(Candidate(k, ess, cost, ess / cost))
+        recent = [c.efficiency for c in candidates[-3:]]
+        if len(recent) == 3 and recent[0] >= max(recent[1:]):
+            break
+    best = max(candidates, key=lambda c: c.efficiency).lobes
+    return best, tuple(candidates), [fits[best - 1] for fits in grown]

@@ -1,0 +1,74 @@
+"""The density to match, f·cos for one viewer, on a grid whose cells follow it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cuticle._support.quadrature import Grid, adapted_edges, grid
+from cuticle.scattering.bcsdf import Bcsdf, evaluate, is_even, luminance
+
+OBJECTIVES = ("luminance", "rgb")
+_COARSE = (150, 36)
+_FINE = (56, 36)
+
+
+class Targets(NamedTuple):
+    """Densities of E viewers, per radian of theta and of phi, each on its own product grid; q integrates to 1.
+
+    With an even model phi runs over [0, pi] and q holds both signs.
+    """
+
+    q: NDArray[np.float64]  # (E, A, B)
+    theta: NDArray[np.float64]  # (E, A)
+    theta_weight: NDArray[np.float64]
+    phi: NDArray[np.float64]  # (E, B)
+    phi_weight: NDArray[np.float64]
+    energy: NDArray[np.float64]  # (E,) ∫ f cos, luminance
+    even: bool
+
+    def take(self, index: Sequence[int] | NDArray[np.intp]) -> Targets:
+        """Return the targets at `index`."""
+        i = np.asarray(index, np.intp)
+        arrays = [np.ascontiguousarray(a[i]) for a in self[:6]]
+        return Targets(arrays[0], arrays[1], arrays[2], arrays[3], arrays[4], arrays[5], self.even)
+
+
+def objective_density(values: NDArray[np.float64], weights: NDArray[np.float64], objective: str) -> NDArray[np.float64]:
+    """Return q ≥ 0 whose ∫ q²/p is what the objective minimises.
+
+    "luminance": the luminance of `values`. "rgb": 1/ESS averaged over channels is ∫ q²/p for q² the mean over
+    channels of (f_c/∫f_c)²; `weights` are the cells' measures.
+    """
+    if objective == "luminance":
+        return luminance(values)
+    total = np.tensordot(weights, values, axes=weights.ndim)
+    return np.sqrt(np.mean((values / np.maximum(total, 1e-300)) ** 2, axis=-1))
+
+
+def make_targets(models: Sequence[Bcsdf], theta_r: Sequence[float], objective: str) -> Targets:
+    """Tabulate each (model, theta_r) pair as a target."""
+    even = is_even(models[0])
+    built = [_target(m, t, even, objective) for m, t in zip(models, theta_r, strict=True)]
+    c = [np.array(column) for column in zip(*built, strict=True)]
+    return Targets(c[0], c[1], c[2], c[3], c[4], c[5], even)
+
+
+def _target(model: Bcsdf, theta_r: float, even: bool, objective: str) -> tuple:
+    def values(g: Grid) -> NDArray[np.float64]:
+        return evaluate(model, g.theta, theta_r, g.phi) * np.cos(g.theta)[:, None, None]  # per d theta d phi
+
+    edges = adapted_edges(
+        lambda c: objective_density(values(c), c.weights, objective), even=even, coarse=_COARSE, fine=_FINE
+    )
+    g = grid(*edges)
+    f = values(g)
+    q = objective_density(f, g.weights, objective)
+    total = float((g.weights * q).sum())
+    if not total > 0:
+        raise ValueError(f"the model scatters nothing toward theta_r {np.degrees(theta_r):.4g}°: there is nothing to sample")
+    energy = float((g.weights * luminance(f)).sum()) * (2 if even else 1)
+    return q / total, g.theta, g.theta_weight, g.phi, g.phi_weight, energy

@@ -1,0 +1,1 @@
+"""Hair as geometry: read, made and measured without a renderer."""

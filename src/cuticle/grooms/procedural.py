@@ -1,0 +1,230 @@
+"""Grooms without a file: a ball, a lock, a head of hair."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from cuticle._support import validate
+from cuticle.grooms.groom import Groom
+
+__all__ = ["hair_ball", "hair_head", "wavy_lock"]
+
+Array = NDArray[np.float64]
+_SKULL = np.array([0.78, 1.0, 0.92])  # half its width, height and depth; while it is made the face looks along +z
+_PART = 0.2  # where hair parts, to the right of the middle
+_CROWN = -0.25  # as far back as that
+_CLUMPS = 300  # at least
+_DRAWN = 0.85  # how far tips of a clump are drawn together
+
+
+def hair_ball(
+    strands: int = 10_000, *, points: int = 8, radius: float = 1.0, length: float = 1.0, curl: float = 0.25, seed: int = 1
+) -> Groom:
+    """Return a ball of hair: roots on a sphere, strands outward, bent by a smooth field. Needs no file.
+
+    Parameters
+    ----------
+    strands
+        1 to 10 million.
+    points
+        Of a strand, 2 to 256.
+    radius
+        Of the ball the roots sit on.
+    length
+        Of a strand.
+    curl
+        How far the field bends a strand: 0 leaves it straight.
+    seed
+        Of where the roots are.
+    """
+    strands, points = _sizes(strands, points, 2, 256, radius=radius, length=length)
+    curl = validate.number("curl", curl, 0, 100)
+    rng = np.random.default_rng(seed)
+    normal = rng.standard_normal((strands, 3))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    position = radius * normal
+    direction = normal * (1 + 0.05 * rng.standard_normal((strands, 1)))
+    step = length / (points - 1)
+    rows = [position]
+    for k in range(1, points):
+        at = position / radius
+        field = np.stack([np.sin(3 * at[:, 1] + 1), np.sin(3 * at[:, 2] + 2), np.sin(3 * at[:, 0] - 1)], axis=1)
+        direction = direction + curl * (k / points) * field
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        position = position + step * direction
+        rows.append(position)
+    all_points = np.stack(rows, axis=1).reshape(-1, 3).astype(np.float32)
+    return Groom(all_points, np.arange(strands + 1) * points, np.zeros(1, np.float32)).with_thickness(
+        0.0015 * radius, 0.0005 * radius
+    )
+
+
+def wavy_lock(
+    strands: int = 1000, *, points: int = 32, length: float = 1.0, width: float = 0.15, waves: float = 4.0, seed: int = 1
+) -> Groom:
+    """Return a lock that hangs along -y in waves: strands around one curve, wider in the middle. Needs no file.
+
+    Parameters
+    ----------
+    strands
+        1 to 10 million.
+    points
+        Of a strand, 2 to 1024.
+    length
+        Of the lock.
+    width
+        Radius of the lock where it is widest.
+    waves
+        Number of waves along it.
+    seed
+        Of where the strands are.
+    """
+    strands, points = _sizes(strands, points, 2, 1024, length=length, width=width)
+    waves = validate.number("waves", waves, 0, 1000)
+    rng = np.random.default_rng(seed)
+    s = np.linspace(0, 1, points)
+    angle, distance = 2 * np.pi * rng.random(strands), np.sqrt(rng.random(strands))
+    phase = 0.3 * rng.standard_normal(strands)
+    bulge = width * (0.35 + 0.65 * np.sin(np.pi * np.minimum(s * 1.15, 1)) ** 0.8)
+    turn = 2 * np.pi * waves * s[None, :] + phase[:, None]
+    x = distance[:, None] * np.cos(angle)[:, None] * bulge + 0.25 * width * np.sin(turn)
+    z = distance[:, None] * np.sin(angle)[:, None] * bulge + 0.25 * width * np.cos(turn)
+    y = np.broadcast_to(-length * s, x.shape)
+    return Groom(
+        np.stack([x, y, z], axis=2).reshape(-1, 3).astype(np.float32),
+        np.arange(strands + 1) * points,
+        np.zeros(1, np.float32),
+    ).with_thickness(0.006 * width, 0.002 * width)
+
+
+def hair_head(
+    strands: int = 30_000, *, points: int = 32, length: float = 3.2, waves: float = 3.5, frizz: float = 1.0, seed: int = 1
+) -> Groom:
+    """Return long, parted hair as it falls about a head that is one unit high from its middle and looks along -z, so that
+    a camera at +z sees its back. Needs no file.
+
+    Strands leave the scalp away from the parting, bend under their weight, rest on the skull and on each other, draw
+    together into clumps toward their tips and end at one hemline.
+
+    Parameters
+    ----------
+    strands
+        1 to 10 million.
+    points
+        Of the longest strand, 8 to 1024.
+    length
+        Of the longest strand; the hemline lies that far below the crown, less what the head takes.
+    waves
+        Number of waves along a strand of that length; 0 is straight hair.
+    frizz
+        How far strands stray from their clump: 0 combed, 1 usual.
+    seed
+        Of everything random.
+    """
+    strands, points = _sizes(strands, points, 8, 1024)
+    length = validate.number("length", length, 0.3, 20)
+    waves = validate.number("waves", waves, 0, 1000)
+    frizz = validate.number("frizz", frizz, 0, 20)
+    rng = np.random.default_rng(seed)
+    root = _scalp(strands, rng)
+    path = _fall(root, points, length, rng)
+    # Clumps: some strands are guides, toward which their neighbours are drawn.
+    guides = rng.choice(strands, max(strands // 80, min(strands, _CLUMPS)), replace=False)
+    own = cKDTree(root[guides]).query(root)[1]
+    guide = guides[own]
+    s = np.linspace(0, 1, points)[None, :, None]
+    loose = np.where(rng.random((strands, 1, 1)) < 0.03 * frizz, 0.15, 1.0)  # flyaways
+    drawn = _DRAWN * loose * s**0.8
+    beside = 0.6 * (root - root[guide])[:, None, :]
+    path = path + drawn * (path[guide] + beside - path)
+    turned = 3 * np.arctan2(root[:, 0], root[:, 2])[guides] + 0.6 * rng.standard_normal(
+        len(guides)
+    )  # neighbours wave together
+    path += _waves(path, s, waves, turned[own] + 0.3 * frizz * rng.standard_normal(strands))
+    path += 0.02 * frizz * _strays(strands, s, rng) / loose
+    depth = np.linalg.norm(path / _SKULL, axis=2, keepdims=True)
+    path = path / np.clip(depth, 0.3, 1)  # what was drawn through the skull lies on it
+    # One hemline, lower at the back.
+    hem = 1 - length + 0.05 * rng.standard_normal((strands, 1)) + 0.12 * path[:, -1, 2:3]
+    counts = np.maximum((path[:, :, 1] > hem).cumprod(axis=1).sum(axis=1), 4)
+    kept = np.arange(points) < counts[:, None]
+    path *= np.array([-1.0, 1.0, -1.0])  # seen from behind
+    groom = Groom(path[kept].astype(np.float32), np.concatenate([[0], np.cumsum(counts)]), np.zeros(1, np.float32))
+    return groom.with_thickness(0.0016, 0.0006)
+
+
+def _sizes(strands: int, points: int, least: int, most: int, **lengths: float) -> tuple[int, int]:
+    """The numbers of strands and of a strand's points, and lengths, held to what they may be."""
+    for name, value in lengths.items():
+        validate.number(name, value, 0, 1e6, above=True)
+    return validate.integer("strands", strands, 1, 10_000_000), validate.integer("points", points, least, most)
+
+
+def _scalp(count: int, rng: np.random.Generator) -> Array:
+    """Roots, evenly over what of the skull grows hair: down to the forehead, the ears, the nape."""
+    found: list[Array] = []
+    while sum(map(len, found)) < count:
+        d = rng.standard_normal((4 * count + 64, 3))
+        d /= np.linalg.norm(d, axis=1, keepdims=True)
+        front = d[:, 2] / np.maximum(np.hypot(d[:, 0], d[:, 2]), 1e-9)
+        hairline = np.where(front > 0, 0.05 + 0.5 * np.abs(front) ** 1.5, 0.05 - 0.55 * np.abs(front) ** 0.8)
+        found.append(d[d[:, 1] > hairline])
+    return np.concatenate(found)[:count] * _SKULL
+
+
+def _fall(root: Array, points: int, length: float, rng: np.random.Generator) -> Array:
+    """Strands of the full length from their roots, under their own weight, outside the skull: (strands, points, 3)."""
+    up = root / _SKULL**2
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    top = np.clip((root[:, 1] - 0.1) / 0.6, 0, 1)[:, None]
+    # Away from the parting, a line from the forehead to the crown, and around its end.
+    away = np.stack([root[:, 0] - _PART, np.zeros(len(root)), np.minimum(root[:, 2] - _CROWN, 0)], axis=1)
+    away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-3)
+    combed = top * (0.9 * away + np.array([0.0, -0.2, -0.25])) + (1 - top) * np.array([0.0, -1.0, -0.15])
+    combed -= (combed * up).sum(axis=1, keepdims=True) * up
+    combed /= np.maximum(np.linalg.norm(combed, axis=1, keepdims=True), 1e-9)
+    direction = combed + 0.7 * up + 0.12 * rng.standard_normal(root.shape)
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    # Layers: hair from higher up lies on hair from below it.
+    shell = _SKULL * (1.03 + 0.1 * np.clip(root[:, 1:2] + 0.5, 0, 1.5) / 1.5 + 0.03 * rng.random((len(root), 1)))
+    step = length / (points - 1)
+    position, rows = root, [root]
+    weight = (5.0 + rng.random((len(root), 1))) * np.array([0.0, -1.0, 0.0])
+    for k in range(1, points):
+        direction = direction + step * weight * min(1.0, 0.35 + k / points)
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        position = position + step * direction
+        within = position / shell
+        depth = np.linalg.norm(within, axis=1, keepdims=True)
+        inside = depth < 1
+        outward = within / shell
+        outward /= np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-9)
+        lifted = position / np.maximum(depth, 0.3)
+        position = np.where(inside, position + min(1.0, 4 * k / points) * (lifted - position), position)
+        inward = np.minimum((direction * outward).sum(axis=1, keepdims=True), 0)
+        direction = np.where(inside, direction - inward * outward, direction)
+        rows.append(position)
+    return np.stack(rows, axis=1)
+
+
+def _waves(path: Array, s: Array, waves: float, phase: Array) -> Array:
+    """Offsets of a helix about each strand, growing from the root."""
+    along = np.gradient(path, axis=1)
+    along /= np.maximum(np.linalg.norm(along, axis=2, keepdims=True), 1e-9)
+    outward = path * np.array([1.0, 0.0, 1.0])
+    outward -= (outward * along).sum(axis=2, keepdims=True) * along
+    outward /= np.maximum(np.linalg.norm(outward, axis=2, keepdims=True), 1e-9)
+    turn = 2 * np.pi * waves * s + phase[:, None, None]
+    size = 0.1 * (waves > 0) * np.clip(1.5 * s, 0, 1) ** 1.5
+    return size * (np.cos(turn) * outward + 0.8 * np.sin(turn) * np.cross(along, outward))
+
+
+def _strays(strands: int, s: Array, rng: np.random.Generator) -> Array:
+    """Smooth noise along each strand, 0 at its root."""
+    out = np.zeros((strands, s.shape[1], 3))
+    for k in range(1, 4):
+        out += rng.standard_normal((strands, 1, 3)) * np.sin(np.pi * k * s) / k
+        out += 0.5 * rng.standard_normal((strands, 1, 3)) * s
+    return out

@@ -1,0 +1,201 @@
+"""Files of hair, each read whole after its header was held against the file's size: nothing is allocated on its word."""
+
+from __future__ import annotations
+
+import os
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cuticle.grooms.alembic import read_alembic
+
+Raw = tuple[NDArray[np.float32], NDArray[np.int64], NDArray[np.float32] | None]  # points, counts, radius
+
+
+def read(path: str | os.PathLike[str]) -> Raw:
+    """Return points (N, 3), points of each strand, and radii if the file has them."""
+    ending = Path(path).suffix.lower()
+    if ending in (".usd", ".usda", ".usdc", ".usdz"):
+        return _usd(Path(path))
+    if ending == ".abc":
+        return read_alembic(Path(path))
+    readers: dict[str, Callable[[str, bytes], Raw]] = {
+        ".hair": _cyhair,
+        ".data": _usc,
+        ".tfx": _tressfx,
+        ".txt": _text,
+        ".curves": _text,
+    }
+    if ending not in readers:
+        known = ", ".join([*readers, ".usd", ".abc"])
+        raise ValueError(f"{path}: a groom's format is told by its ending, one of {known}; got {ending or 'none'!r}")
+    try:
+        data = Path(path).read_bytes()
+    except OSError as error:
+        raise ValueError(f"cannot read groom {path}: {error.strerror or error}") from None
+    return readers[ending](str(path), data)
+
+
+def _take(path: str, data: bytes, at: int, kind: str, count: int, what: str) -> NDArray:
+    """Return `count` values of a NumPy type at byte `at`, or say where the file ends."""
+    size = np.dtype(kind).itemsize * count
+    if at + size > len(data):
+        raise ValueError(
+            f"{path} is cut short: {what} needs bytes {at} to {at + size}, the file has {len(data)}"
+            if count < 1 << 40
+            else f"{path}: {what} would need {size} bytes at byte {at}, the file has {len(data)}"
+        )
+    return np.frombuffer(data, kind, count, at)
+
+
+def _header(path: str, data: bytes, layout: str, at: int = 0) -> tuple:
+    size = struct.calcsize(layout)
+    if len(data) < at + size:
+        raise ValueError(f"{path} is cut short: its header needs bytes {at} to {at + size}, the file has {len(data)}")
+    return struct.unpack_from(layout, data, at)
+
+
+def _some(path: str, count: int, what: str, at: int) -> None:
+    if count <= 0:
+        raise ValueError(f"{path}: it says it holds {count} {what} (byte {at})")
+
+
+def _cyhair(path: str, data: bytes) -> Raw:
+    """Cem Yuksel's cyHair: 128 bytes of header, then arrays that its flags name."""
+    magic, strands, points, flags, segments, thickness = _header(path, data, "<4sIIIIf")
+    if magic != b"HAIR":
+        raise ValueError(f"{path} is no cyHair file: bytes 0 to 4 are {magic!r}, not b'HAIR'")
+    _header(path, data, "<128s")
+    _some(path, strands, "strands", 4)
+    _some(path, points, "points", 8)
+    if not flags & 2:
+        raise ValueError(f"{path}: it says it holds no points (flags {flags} at byte 12)")
+    at = 128
+    if flags & 1:
+        counts = _take(path, data, at, "<u2", strands, "the strands' segments").astype(np.int64) + 1
+        at += 2 * strands
+    else:
+        if strands * (segments + 1) > len(data):
+            raise ValueError(
+                f"{path}: {strands} strands of {segments} segments (bytes 4 and 16) are more than the file holds"
+            )
+        counts = np.full(strands, segments + 1, np.int64)
+    if counts.sum() != points:
+        raise ValueError(f"{path}: its strands have {counts.sum()} points, its header says {points} (byte 8)")
+    xyz = _take(path, data, at, "<f4", 3 * points, "the points").reshape(-1, 3)
+    at += 12 * points
+    radius: NDArray[np.float32] | None = None
+    if flags & 4:
+        radius = (0.5 * _take(path, data, at, "<f4", points, "the thickness")).astype(np.float32)
+    elif 0 < thickness < 1:  # 1 is what writers leave there: no thickness that fits any groom
+        radius = np.full(points, 0.5 * thickness, np.float32)
+    return xyz, counts, radius
+
+
+def _usc(path: str, data: bytes) -> Raw:
+    """USC-HairSalon's .data: int32 strands, then for each int32 points and their float32 x y z."""
+    (strands,) = _header(path, data, "<i")
+    _some(path, strands, "strands", 0)
+    if 4 + 4 * strands > len(data):
+        raise ValueError(f"{path}: it says it holds {strands} strands (byte 0), the file has {len(data)} bytes")
+    at, counts, parts = 4, [], []
+    for k in range(strands):
+        (count,) = _header(path, data, "<i", at)
+        if count < 0:
+            raise ValueError(f"{path}: strand {k} says it has {count} points (byte {at})")
+        parts.append(_take(path, data, at + 4, "<f4", 3 * count, f"strand {k}'s points"))
+        counts.append(count)
+        at += 4 + 12 * count
+    if at != len(data):
+        raise ValueError(f"{path}: after {strands} strands {len(data) - at} bytes are left (byte {at})")
+    return np.concatenate(parts).reshape(-1, 3), np.array(counts, np.int64), None
+
+
+def _tressfx(path: str, data: bytes) -> Raw:
+    """AMD TressFX: version 3 holds x y z from byte 296, version 4 x y z w where its header says."""
+    version, strands, vertices, offset = _header(path, data, "<fIII")
+    if not 3 <= version < 5:
+        raise ValueError(f"{path}: it has TressFX version {version:g} (byte 0), 3 and 4 can be read")
+    _some(path, strands, "strands", 4)
+    _some(path, vertices, "vertices a strand", 8)
+    count = strands * vertices
+    if version < 4:
+        xyz = _take(path, data, 296, "<f4", 3 * count, f"{strands} strands of {vertices} points").reshape(-1, 3)
+    else:
+        if offset < 160:
+            raise ValueError(f"{path}: its positions begin at byte {offset} (byte 12), inside the header of 160 bytes")
+        values = _take(path, data, offset, "<f4", 4 * count, f"{strands} strands of {vertices} points")
+        xyz = values.reshape(-1, 4)[:, :3]
+    return xyz, np.full(strands, vertices, np.int64), None
+
+
+def _text(path: str, data: bytes) -> Raw:
+    """Mitsuba's text: x y z radius a line, a blank line between strands; read as points, not as control points."""
+    try:
+        lines = data.decode("utf-8").splitlines()
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path} is no text: byte {error.start}") from None
+    rows: list[tuple[float, ...]] = []
+    counts: list[int] = [0]
+    for number, line in enumerate(lines, 1):
+        words = line.split()
+        if not words:
+            if counts[-1]:
+                counts.append(0)
+            continue
+        try:
+            row = tuple(map(float, words))
+        except ValueError:
+            row = ()
+        if len(row) != 4:
+            raise ValueError(f"{path}: line {number} must be x y z radius, got {line.strip()[:60]!r}")
+        rows.append(row)
+        counts[-1] += 1
+    if not rows:
+        raise ValueError(f"{path} holds no strand")
+    values = np.array(rows, np.float32)
+    return values[:, :3], np.array([c for c in counts if c], np.int64), values[:, 3]
+
+
+def _usd(path: Path) -> Raw:
+    """USD: all BasisCurves of the stage's default time, in world space."""
+    try:
+        from pxr import Tf, Usd, UsdGeom
+    except ImportError:
+        raise ValueError(f"reading {path} needs the package usd-core: pip install 'cuticle[usd]'") from None
+    if not path.is_file():
+        raise ValueError(f"cannot read groom {path}: No such file or directory")
+    try:
+        stage = Usd.Stage.Open(str(path))
+    except Tf.ErrorException as error:
+        raise ValueError(f"cannot read groom {path}: {str(error).splitlines()[0]}") from None
+    places = UsdGeom.XformCache()
+    points, counts, radius = [], [], []
+    for prim in stage.Traverse():
+        if not prim.IsA(UsdGeom.BasisCurves):
+            continue
+        curves = UsdGeom.BasisCurves(prim)
+        xyz = np.array(curves.GetPointsAttr().Get() or [], np.float64).reshape(-1, 3)
+        own = np.array(curves.GetCurveVertexCountsAttr().Get() or [], np.int64)
+        if own.sum() != len(xyz) or (own < 0).any():
+            raise ValueError(f"{path}: {prim.GetPath()} has {len(xyz)} points, its curves say {own.sum()}")
+        matrix = np.array(places.GetLocalToWorldTransform(prim))
+        points.append(xyz @ matrix[:3, :3] + matrix[3, :3])
+        counts.append(own)
+        widths = np.array(curves.GetWidthsAttr().Get() or [], np.float64) * np.cbrt(abs(np.linalg.det(matrix[:3, :3])))
+        if len(widths) in (1, len(own)):
+            widths = np.broadcast_to(widths, len(own)) if len(widths) == 1 else widths
+            radius.append(0.5 * np.repeat(widths, own))
+        elif len(widths) == len(xyz):
+            radius.append(0.5 * widths)
+    if not points or not sum(map(len, points)):
+        raise ValueError(f"{path} holds no BasisCurves")
+    whole = sum(map(len, radius)) == sum(map(len, points))
+    return (
+        np.concatenate(points).astype(np.float32),
+        np.concatenate(counts),
+        np.concatenate(radius).astype(np.float32) if whole else None,
+    )

@@ -1,0 +1,137 @@
+"""One sampler out of two: the draft's direct and multiple scattering PDFs combined."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+
+from cuticle._support import validate
+from cuticle._support.quadrature import Grid, adapted_edges, grid
+from cuticle.sampling.lobe_table import MAX_LOBES, WEIGHT
+from cuticle.sampling.quality import Density
+from cuticle.sampling.sampler import Sampler
+from cuticle.scattering.bcsdf import Bcsdf, evaluate, is_even, luminance
+
+_MOST_NODES = 2000
+_ORDER = 3
+_COARSE, _FINE = (240, 60), (60, 36)
+
+
+def combine(direct: Sampler, multiple: Sampler, weight: float, *, strands: float | None = None) -> Sampler:
+    """Return the mixture weight·p_direct + (1 - weight)·p_multiple: a sampler like any other.
+
+    For a host that does not know, when it draws a direction, whether the light there is blocked. The mixture is exact:
+    its lobes are those of both samplers.
+
+    Parameters
+    ----------
+    direct
+        A sampler whose row for 0 strands (or whose only row) is for direct light.
+    multiple
+        A sampler with rows for n > 0 strands; it may be the same one.
+    weight
+        In (0, 1), of the direct part.
+    strands
+        The number of strands where it is known. None: unknown, all of `multiple`'s counts above 0 alike.
+
+    Returns
+    -------
+    Sampler
+        With one row, which serves every number of strands.
+
+    Raises
+    ------
+    ValueError
+        A weight out of range, a sampler that lacks the row, more than 32 lobes in all.
+
+    Examples
+    --------
+    >>> import cuticle
+    >>> fit = cuticle.fit(cuticle.DualScattering(cuticle.Fibre.preset("document")), 2, strands=[0, 2])
+    >>> both = cuticle.combine(fit.sampler, fit.sampler, 0.5, strands=2)
+    >>> both.lobes
+    4
+    """
+    for name, sampler in (("direct", direct), ("multiple", multiple)):
+        if not isinstance(sampler, Sampler):
+            raise TypeError(f"{name} must be a Sampler, got {type(sampler).__name__}")
+    weight = validate.number("weight", weight, 0, 1, above=True)
+    if weight == 1:
+        raise ValueError("weight must be in (0, 1), got 1; the direct sampler alone is what you ask for")
+    if direct.even != multiple.even:
+        raise ValueError("direct and multiple must both be even in phi or neither; fit both to models of one fibre")
+    first = direct.row(0.0) if 0 in direct.strands or len(direct.strands) > 1 else direct
+    if strands is not None:
+        strands = validate.number("strands", strands, 0, validate.MAX_STRANDS, above=True)
+        others = [multiple.row(strands)]
+    else:
+        others = [multiple.row(n) for n in multiple.strands if n > 0] or [multiple]
+    parts = [(weight, first), *(((1 - weight) / len(others), s) for s in others)]
+    lobes = sum(s.lobes for _, s in parts)
+    if lobes > MAX_LOBES:
+        raise ValueError(
+            f"direct and multiple must have at most {MAX_LOBES} lobes together, got {lobes}; fit fewer lobes or counts,"
+            " or name one count of strands"
+        )
+    steps = math.lcm(*(s.nodes.shape[1] - 1 for _, s in parts))
+    if steps >= _MOST_NODES:
+        raise ValueError(f"the tables' {[s.nodes.shape[1] for _, s in parts]} theta nodes have no common refinement")
+    nodes, energy = [], np.zeros((1, steps + 1))
+    for share, s in parts:
+        own = _refine(s.nodes, steps)
+        own[:, :, WEIGHT] *= share
+        nodes.append(own)
+        energy += share * _refine(s.energy, steps)
+    about: dict[str, Any] = {k: v for k, v in direct.about.items() if k not in ("form", "objective", "functions")}
+    covers = [0.0, *(sorted({n for n in multiple.strands if n > 0}) if strands is None else [strands])]
+    about |= {"form": "combined", "weight": weight, "covers": covers}
+    return Sampler(np.concatenate(nodes, axis=3), energy, (0.0,), direct.even, about)
+
+
+def _refine(table: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
+    """Return the same piecewise linear table on more nodes: (1, nodes, …) -> (1, steps + 1, …)."""
+    lines = make_interp_spline(np.linspace(0, steps, table.shape[1]), table, k=1, axis=1)
+    return lines(np.arange(steps + 1))
+
+
+def mixed_ess(
+    sampler: Density, direct: Bcsdf, multiple: Bcsdf | list[Bcsdf], share: float, theta_r: float
+) -> tuple[float, float]:
+    """Return the ESS where each direction is directly lit with probability `share`, and the best any pdf can have.
+
+    The light behind a direction is not known when it is drawn: it arrives through no strand with probability v, else
+    through n. With f_0 and f_n, E = ∫ (v f_0 + (1 - v) f_n) cos and ESS = E²/∫ (v f_0² + (1 - v) f_n²) cos²/p. No
+    density does better than p ∝ the root of that mean square.
+
+    Parameters
+    ----------
+    sampler
+        Anything with a `pdf` per steradian.
+    direct, multiple
+        Scattering functions for no strands and for some; a list stands for counts that are equally likely.
+    share
+        v, 0 to 1.
+    theta_r
+        Radians.
+    """
+    share = validate.number("share", share, 0, 1)
+    models = multiple if isinstance(multiple, list) else [multiple]
+    even = all(is_even(m) for m in (direct, *models))
+
+    def squares(g: Grid) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        first, *others = (luminance(evaluate(m, g.theta, theta_r, g.phi)) for m in (direct, *models))
+        mean = share * first + (1 - share) * np.mean(others, axis=0)
+        return mean, share * first**2 + (1 - share) * np.mean(np.square(others), axis=0)
+
+    edges = adapted_edges(lambda g: np.sqrt(squares(g)[1]) * np.cos(g.theta)[:, None], even=even, coarse=_COARSE, fine=_FINE)
+    g = grid(*edges, _ORDER)
+    solid_angle = g.weights * np.cos(g.theta)[:, None] * (2 if even else 1)
+    mean, square = squares(g)
+    p = sampler.pdf(g.theta[:, None], theta_r, g.phi[None, :])
+    energy = float((solid_angle * mean).sum())
+    second = float((solid_angle * square / np.maximum(p, 1e-30)).sum())
+    return energy**2 / second, energy**2 / float((solid_angle * np.sqrt(square)).sum()) ** 2

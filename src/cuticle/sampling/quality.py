@@ -1,0 +1,154 @@
+"""How well a sampler matches a scattering function, by quadrature."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cuticle._support.quadrature import Grid, adapted_edges, grid
+from cuticle.scattering.bcsdf import Bcsdf, evaluate, is_even, luminance
+
+_COARSE = (360, 120)
+_FINE = (80, 48)
+_ORDER = 4
+_LEAST_DENSITY = 1e-30  # 1/sr
+_BALANCING = 80  # steps in which the channels' ESS even out
+
+
+class Density(Protocol):
+    """What is measured: anything with a pdf per steradian."""
+
+    def pdf(self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike, strands: ArrayLike | None = None) -> NDArray:
+        """Return the density."""
+        ...
+
+
+class UniformSphere:
+    """Every direction alike: the sampler to beat, 1/(4 pi) per steradian."""
+
+    def pdf(self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike, strands: ArrayLike | None = None) -> NDArray:
+        """Return 1/(4 pi), of the arguments' broadcast shape."""
+        return np.full(np.broadcast_shapes(np.shape(theta_i), np.shape(theta_r), np.shape(phi)), 0.25 / np.pi)
+
+
+@dataclass(frozen=True)
+class Quality:
+    """How well a density p matches f·cos for one viewer.
+
+    Attributes
+    ----------
+    ess
+        (∫ f cos)²/∫ (f cos)²/p of the luminance, 0 to 1: independent samples of f·cos that one sample of p is worth.
+    ess_channels
+        The same for each channel.
+    largest_weight
+        Largest f cos/(p ∫ f cos) of the luminance: 1 for a perfect match.
+    energy
+        ∫ f cos, one value a channel.
+    energy_error
+        How far two quadrature rules differ in the luminance's energy.
+    total_variation
+        ½ ∫ |f cos/∫ f cos - p|, 0 to 1.
+    """
+
+    ess: float
+    ess_channels: tuple[float, ...]
+    largest_weight: float
+    energy: tuple[float, ...]
+    energy_error: float
+    total_variation: float
+
+
+def measure(sampler: Density, model: Bcsdf, theta_r: float, strands: float | None = None) -> Quality:
+    """Measure a sampler against a model for one viewer, by quadrature over both angles.
+
+    Parameters
+    ----------
+    sampler
+        Anything with a `pdf` per steradian.
+    model
+        The scattering function; of the strand count that `strands` names.
+    theta_r
+        Radians.
+    strands
+        Handed on to the sampler.
+    """
+    even = is_even(model)
+
+    def values(g: Grid) -> NDArray[np.float64]:
+        return evaluate(model, g.theta, theta_r, g.phi)
+
+    # Cells follow f·cos; in this measure every integrand below is smooth.
+    edges = adapted_edges(lambda c: luminance(values(c)) * np.cos(c.theta)[:, None], even=even, coarse=_COARSE, fine=_FINE)
+    sides = 2 if even else 1
+    check_rule = grid(*edges, _ORDER - 1)
+    lower = float((check_rule.weights * np.cos(check_rule.theta)[:, None] * luminance(values(check_rule))).sum()) * sides
+    g = grid(*edges, _ORDER)
+    f = values(g)  # f cos, per steradian
+    solid_angle = g.weights * np.cos(g.theta)[:, None] * sides
+    p = sampler.pdf(g.theta[:, None], theta_r, g.phi[None, :], strands)
+    channels = np.concatenate([f, luminance(f)[..., None]], axis=-1)
+    energy = np.tensordot(solid_angle, channels, axes=2)
+    # Where p underflows, f below 1e-15 is a tail that no number of samples sees; a larger f still counts in full.
+    floor = np.maximum(p, _LEAST_DENSITY)
+    second = np.tensordot(solid_angle, channels**2 / floor[..., None], axes=2)
+    ess = np.divide(energy**2, second, out=np.zeros_like(second), where=second > 0)
+    weight = float(np.max(channels[..., -1] / floor) / energy[-1])
+    variation = 0.5 * float((solid_angle * np.abs(channels[..., -1] / energy[-1] - p)).sum())
+    error = abs(lower - float(energy[-1]))
+    return Quality(float(ess[-1]), tuple(map(float, ess[:-1])), weight, tuple(map(float, energy[:-1])), error, variation)
+
+
+@dataclass(frozen=True)
+class ChannelBounds:
+    """The most ESS that one density for all channels can have, channel by channel (...): no sampler of one fibre beats it.
+
+    Attributes
+    ----------
+    luminance
+        Of the density that is the luminance of f·cos: what `objective="luminance"` strives for.
+    rgb
+        Of the density with the least mean of 1/ESS over channels: what `objective="rgb"` strives for.
+    worst
+        Of the density whose worst channel is best: its ESS there.
+    """
+
+    luminance: tuple[float, ...]
+    rgb: tuple[float, ...]
+    worst: float
+
+
+def channel_bounds(model: Bcsdf, theta_r: float) -> ChannelBounds:
+    """Return what the ESS of single channels is bounded by, for one viewer (radians).
+
+    With q_c = f_c cos/∫ f_c cos, Σ λ_c/ESS_c is least for p ∝ sqrt(Σ λ_c q_c²); equal λ give `rgb`, and the λ at which
+    the channels' ESS even out give `worst` (minimax).
+    """
+    even = is_even(model)
+
+    def values(g: Grid) -> NDArray[np.float64]:
+        return evaluate(model, g.theta, theta_r, g.phi)
+
+    edges = adapted_edges(lambda c: luminance(values(c)) * np.cos(c.theta)[:, None], even=even, coarse=_COARSE, fine=_FINE)
+    g = grid(*edges, 2)
+    weight = (g.weights * np.cos(g.theta)[:, None] * (2 if even else 1)).ravel()
+    f = values(g).reshape(weight.size, -1)
+    energy = weight @ f
+    q = f / np.where(energy > 0, energy, 1)
+
+    def ess(p: NDArray[np.float64]) -> NDArray[np.float64]:
+        density = np.maximum(p / (weight @ p), _LEAST_DENSITY)
+        return 1 / np.maximum(weight @ (q**2 / density[:, None]), 1e-300)
+
+    share = np.where(energy > 0, 1.0, 0.0) / max(int((energy > 0).sum()), 1)
+    best = rgb = ess(np.sqrt(q**2 @ share))
+    for _ in range(_BALANCING):
+        loss = 1 / best
+        share = share * np.exp(0.7 * (loss - loss.mean()) / loss.max())
+        share = share / share.sum()
+        best = ess(np.sqrt(q**2 @ share))
+    bright = ess(luminance(f))
+    return ChannelBounds(tuple(map(float, bright)), tuple(map(float, rgb)), float(best.min()))

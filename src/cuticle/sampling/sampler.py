@@ -1,0 +1,365 @@
+"""The sampler: a mixture of product lobes whose parameters run through a small table."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from cuticle import _core
+from cuticle._support import validate
+from cuticle._support.files import read_text, write_text
+from cuticle.sampling.lobe_table import PARAMETERS, WEIGHT, check_table
+from cuticle.scattering.bcsdf import Sample
+from cuticle.scattering.fibre import Fibre
+
+FORMAT = "cuticle-sampler"
+FORMAT_VERSION = 1
+_SIZES = (1, 2, 4, 8, 16, 32)  # numbers of lobes that the core is compiled for
+
+
+class LobeSet(NamedTuple):
+    """The lobes at one theta_r, arrays of one value a lobe; those of both rows where two strand counts are blended.
+
+    Weights sum to 1; means and sigmas in radians.
+    """
+
+    weight: NDArray[np.float64]
+    mean_theta: NDArray[np.float64]
+    mean_phi: NDArray[np.float64]
+    sigma_theta: NDArray[np.float64]
+    sigma_phi: NDArray[np.float64]
+
+
+class SamplerFile(BaseModel):
+    """What a sampler's JSON file holds, version 1."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    format: Literal["cuticle-sampler"] = "cuticle-sampler"
+    version: int = FORMAT_VERSION
+    parameters: tuple[str, ...] = PARAMETERS
+    lobes: int
+    theta_nodes: int
+    strands: list[float]
+    even: bool
+    nodes: list[list[list[list[float]]]]  # [strands][theta_nodes][parameter][lobe], radians
+    energy: list[list[float]]  # [strands][theta_nodes], ∫ f cos
+    about: dict[str, Any] = {}
+
+
+@dataclass(frozen=True, eq=False)
+class Sampler:
+    """Draws directions toward the light for a given viewer, and tells their density.
+
+    A mixture of K lobes, each a normal in theta_i truncated to [-pi/2, pi/2] times a normal in phi; the parameters
+    are linear between nodes in theta_r and in the number of strands. Between 0 strands and the next count the two
+    rows' densities are mixed in proportion to their energies, as the scattering function is.
+
+    Parameters
+    ----------
+    nodes
+        Shape (strand counts, theta nodes, 5, K): weight, mean_theta, mean_phi, sigma_theta, sigma_phi, in radians,
+        at theta_r evenly spaced from -pi/2 to pi/2. Weights sum to 1; a mean lies at most one sigma outside its
+        domain.
+    energy
+        Shape (strand counts, theta nodes): ∫ f cos theta_i d omega_i there.
+    strands
+        Increasing strand counts, one a row.
+    even
+        Whether lobes live in abs(phi) on [0, pi], either sign alike, or each on its own period.
+    about
+        What the sampler was made from: anything JSON can hold.
+    """
+
+    nodes: NDArray[np.float64]
+    energy: NDArray[np.float64]
+    strands: tuple[float, ...] = (0.0,)
+    even: bool = True
+    about: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        nodes = np.array(self.nodes, np.float64)
+        energy = np.array(self.energy, np.float64)
+        object.__setattr__(self, "strands", tuple(float(n) for n in self.strands))
+        check_table(nodes, energy, self.strands, self.even)
+        for name, value in (("nodes", nodes), ("energy", energy)):
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{n:g}" for n in self.strands)
+        form = f"{self.about['form']}, " if "form" in self.about else ""
+        return f"Sampler({form}{self.lobes} lobes, {self.nodes.shape[1]} theta nodes, strands {counts})"
+
+    @property
+    def lobes(self) -> int:
+        """Number of lobes K."""
+        return self.nodes.shape[3]
+
+    @property
+    def fibre(self) -> Fibre | None:
+        """The fibre that the sampler was fitted to, where one is known."""
+        return Fibre(**self.about["fibre"]) if "fibre" in self.about else None
+
+    @property
+    def covers(self) -> tuple[float, ...]:
+        """Strand counts that the sampler is meant for: its rows', or those that `cuticle.combine` put into one row."""
+        return validate.strand_counts("covers", self.about["covers"]) if "covers" in self.about else self.strands
+
+    def row(self, strands: float) -> Sampler:
+        """Return the sampler of one strand count alone.
+
+        Raises
+        ------
+        ValueError
+            A count between 0 and the next row's, where two mixtures are blended and no one row holds both.
+        """
+        n = validate.number("strands", strands, 0, validate.MAX_STRANDS)
+        angles = np.linspace(-validate.HALF_PI, validate.HALF_PI, self.nodes.shape[1])
+        mixtures = [np.array(self.mixture(float(t), n)) for t in angles]  # the core interpolates
+        if mixtures[0].shape[1] > self.lobes:
+            raise ValueError(f"strands must be 0 or at least {min(self.strands[1], 1):g} for one row, got {n:g}")
+        energy = [np.interp(n, self.strands, e) for e in self.energy.T]
+        return Sampler(np.array([mixtures]), np.array([energy]), (n,), self.even, self.about)
+
+    def pdf(self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike, strands: ArrayLike | None = None) -> NDArray:
+        """Return the density of a direction, per steradian (d omega = cos(theta_i) d theta_i d phi).
+
+        Parameters
+        ----------
+        theta_i, theta_r, phi
+            Radians; arrays broadcast. All single precision: so is the result.
+        strands
+            Number of strands toward the light; beyond the last count the last one's density is used. May be left
+            out where the sampler covers one count only.
+
+        Raises
+        ------
+        ValueError
+            An angle out of range or not a number; shapes that do not broadcast; strands missing.
+        """
+        dtype = validate.float_type(theta_i, theta_r, phi)
+        ti = validate.angles("theta_i", theta_i, validate.HALF_PI, dtype)
+        tr = validate.angles("theta_r", theta_r, validate.HALF_PI, dtype)
+        ph = validate.angles("phi", phi, 4 * math.pi, dtype)
+        n = self._strands(strands, dtype)
+        shape = validate.broadcast(theta_i=ti, theta_r=tr, phi=ph, strands=n)
+        out = np.empty(math.prod(shape), dtype)
+        if out.size:
+            self._table(dtype).pdf(*(validate.flat(a, shape) for a in (ti, tr, ph, n)), out)
+        return out.reshape(shape)
+
+    def sample(self, theta_r: ArrayLike, u: ArrayLike, strands: ArrayLike | None = None) -> Sample:
+        """Draw directions toward the light.
+
+        Parameters
+        ----------
+        theta_r
+            Radians, broadcast against `u` without its last axis.
+        u
+            Shape (..., 3), uniform in [0, 1): for the lobe, theta and phi.
+        strands
+            As in `pdf`.
+
+        Returns
+        -------
+        Sample
+            theta_i, phi (radians) and their pdf (1/sr), single precision if theta_r and u are.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> sampler = Sampler(np.array([1.0, 0.0, 0.3, np.pi, 0.6]).reshape(1, 1, 5, 1).repeat(2, 1), np.ones((1, 2)))
+        >>> theta_i, phi, p = sampler.sample(0.2, [[0.5, 0.5, 0.0]])
+        >>> float(theta_i[0]), round(float(phi[0]), 6)
+        (0.0, -3.141593)
+        """
+        dtype = validate.float_type(theta_r, u)
+        us = validate.array("u", u, 0, 1, dtype, remedy="u are random numbers in [0, 1)", open_end=True)
+        if us.ndim < 1 or us.shape[-1] != 3:
+            raise ValueError(f"u must have shape (..., 3): lobe, theta, phi; got {us.shape}")
+        tr = validate.angles("theta_r", theta_r, validate.HALF_PI, dtype)
+        n = self._strands(strands, dtype)
+        shape = validate.broadcast(theta_r=tr, u=us[..., 0], strands=n)
+        count = math.prod(shape)
+        theta_i, phi, p = np.empty(count, dtype), np.empty(count, dtype), np.empty(count, dtype)
+        if count:
+            flat_u = np.ascontiguousarray(np.broadcast_to(us, (*shape, 3))).reshape(-1)
+            self._table(dtype).sample(validate.flat(tr, shape), flat_u, validate.flat(n, shape), theta_i, phi, p)
+        return Sample(theta_i.reshape(shape), phi.reshape(shape), p.reshape(shape))
+
+    def mixture(self, theta_r: float, strands: float | None = None) -> LobeSet:
+        """Return the lobes at one theta_r (radians); 2 K of them between 0 and the next strand count."""
+        tr = validate.number("theta_r", theta_r, -validate.HALF_PI, validate.HALF_PI, remedy=validate.RADIANS)
+        out = np.empty((2, len(PARAMETERS), self._padded))
+        self._double.mixture(tr, float(self._strands(strands, np.float64)), out)
+        rows = out[:, :, : self.lobes] if out[1, 0].any() else out[:1, :, : self.lobes]
+        return LobeSet(*np.concatenate(list(rows), axis=1))
+
+    def cdf_theta(self, theta_i: ArrayLike, theta_r: ArrayLike, lobe: int, strands: ArrayLike | None = None) -> NDArray:
+        """Return one lobe's probability of an inclination below theta_i (radians)."""
+        x = validate.angles("theta_i", theta_i, validate.HALF_PI, np.float64)
+        return self._one_lobe(0, False, lobe, x, theta_r, strands)
+
+    def icdf_theta(self, u: ArrayLike, theta_r: ArrayLike, lobe: int, strands: ArrayLike | None = None) -> NDArray:
+        """Return the inclination (radians) below which one lobe has probability u in [0, 1]."""
+        x = validate.array("u", u, 0, 1, np.float64, remedy="u is a probability")
+        return self._one_lobe(0, True, lobe, x, theta_r, strands)
+
+    def cdf_phi(self, phi: ArrayLike, theta_r: ArrayLike, lobe: int, strands: ArrayLike | None = None) -> NDArray:
+        """Return one lobe's probability of an azimuth between -pi and phi (radians)."""
+        x = validate.angles("phi", phi, math.pi, np.float64)
+        return self._one_lobe(1, False, lobe, x, theta_r, strands)
+
+    def icdf_phi(self, u: ArrayLike, theta_r: ArrayLike, lobe: int, strands: ArrayLike | None = None) -> NDArray:
+        """Return the azimuth (radians) below which, from -pi on, one lobe has probability u in [0, 1]."""
+        x = validate.array("u", u, 0, 1, np.float64, remedy="u is a probability")
+        return self._one_lobe(1, True, lobe, x, theta_r, strands)
+
+    def cell_probabilities(
+        self, theta_edges: ArrayLike, phi_edges: ArrayLike, theta_r: float, strands: float | None = None
+    ) -> NDArray[np.float64]:
+        """Return the exact probability of each cell of a (theta, phi) grid, from the closed-form cdfs.
+
+        Edges are increasing radians, theta in [-pi/2, pi/2] and phi in [-pi, pi]; the result has one row a theta cell.
+        """
+        weights = self.mixture(theta_r, strands).weight
+        total = np.zeros((np.size(theta_edges) - 1, np.size(phi_edges) - 1))
+        for lobe, weight in enumerate(weights):
+            if weight > 0:
+                along_theta = np.diff(self.cdf_theta(theta_edges, theta_r, lobe, strands))
+                along_phi = np.diff(self.cdf_phi(phi_edges, theta_r, lobe, strands))
+                total += weight * np.outer(along_theta, along_phi)
+        return total
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the sampler to a JSON file, whole or not at all."""
+        return write_text(path, self.to_json())
+
+    def to_json(self) -> str:
+        """Return the sampler as JSON; `SamplerFile.model_json_schema()` is its schema."""
+        file = SamplerFile(
+            lobes=self.lobes,
+            theta_nodes=self.nodes.shape[1],
+            strands=list(self.strands),
+            even=self.even,
+            nodes=self.nodes.tolist(),
+            energy=self.energy.tolist(),
+            about=self.about,
+        )
+        return json.dumps(file.model_dump(), allow_nan=False) + "\n"
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Sampler:
+        """Read a sampler from a JSON file, or raise ValueError with the reason it is refused."""
+        return cls.from_json(read_text(path, "sampler"), source=str(path))
+
+    @classmethod
+    def from_json(cls, text: str, *, source: str = "sampler") -> Sampler:
+        """Read a sampler from JSON text; `source` names it in errors."""
+        try:
+            data = json.loads(text, parse_constant=_refuse_constant)
+        except json.JSONDecodeError as error:
+            at_end = error.pos >= len(text.rstrip()) - 1
+            reason = "it ends early (truncated?)" if at_end else f"{error.msg} at line {error.lineno} column {error.colno}"
+            raise ValueError(f"{source} is not a sampler: {reason}") from None
+        except ValueError as error:
+            raise ValueError(f"{source} is refused: {error}") from None
+        if not isinstance(data, dict) or data.get("format") != FORMAT:
+            raise ValueError(f'{source} is not a sampler: its "format" is not "{FORMAT}"')
+        version = data.get("version")
+        if not isinstance(version, int) or isinstance(version, bool) or version < 1:
+            raise ValueError(f"{source} is refused: its version is {version!r}, not a whole number from 1 on")
+        if version > FORMAT_VERSION:
+            raise ValueError(
+                f"{source} is refused: it has format version {version}, newer than {FORMAT_VERSION}; upgrade cuticle"
+            )
+        try:
+            file = SamplerFile.model_validate(data)
+        except ValidationError as error:
+            first = error.errors()[0]
+            place = ".".join(str(p) for p in first["loc"])
+            raise ValueError(f"{source} is refused: {place}: {first['msg']}") from None
+        if tuple(file.parameters) != PARAMETERS:
+            raise ValueError(f"{source} is refused: parameters must be {list(PARAMETERS)}, got {list(file.parameters)}")
+        try:
+            nodes, energy = np.array(file.nodes, np.float64), np.array(file.energy, np.float64)
+        except ValueError:
+            raise ValueError(f"{source} is refused: nodes or energy is ragged; every row must have one length") from None
+        expected = (len(file.strands), file.theta_nodes, len(PARAMETERS), file.lobes)
+        if nodes.shape != expected:
+            raise ValueError(f"{source} is refused: nodes has shape {nodes.shape}, its header says {expected}")
+        try:
+            return cls(nodes, energy, tuple(file.strands), file.even, file.about)
+        except ValueError as error:
+            raise ValueError(f"{source} is refused: {error}") from None
+
+    @property
+    def padded_nodes(self) -> NDArray[np.float64]:
+        """`nodes` with lobes of weight 0 added up to 1, 2, 4, 8, 16 or 32: what C++ packs into whole vectors."""
+        rows, theta_nodes, parameters, lobes = self.nodes.shape
+        padded = np.ones((rows, theta_nodes, parameters, self._padded))
+        padded[:, :, WEIGHT] = 0
+        padded[..., :lobes] = self.nodes
+        return padded
+
+    @property
+    def _padded(self) -> int:
+        return next(size for size in _SIZES if size >= self.lobes)
+
+    def _table(self, dtype: Any) -> Any:
+        return self._single if dtype == np.float32 else self._double
+
+    @cached_property
+    def _single(self) -> Any:
+        return self._make("f")
+
+    @cached_property
+    def _double(self) -> Any:
+        return self._make("d")
+
+    def _make(self, suffix: str) -> Any:
+        table = getattr(_core, f"Table{self._padded}{suffix}")
+        return table(self.padded_nodes, self.energy, np.array(self.strands), self.even)
+
+    def _strands(self, strands: ArrayLike | None, dtype: Any) -> NDArray:
+        if strands is None:
+            if len(self.strands) > 1:
+                counts = ", ".join(f"{n:g}" for n in self.strands)
+                raise ValueError(f"strands must be given: this sampler covers {counts}; pass strands=0 for direct light")
+            strands = self.strands[0]
+        return validate.array(
+            "strands", strands, 0, validate.MAX_STRANDS, dtype, remedy="it counts strands toward the light"
+        )
+
+    def _one_lobe(
+        self, coordinate: int, inverse: bool, lobe: int, x: NDArray, theta_r: ArrayLike, strands: ArrayLike | None
+    ) -> NDArray:
+        tr = validate.angles("theta_r", theta_r, validate.HALF_PI, np.float64)
+        n = self._strands(strands, np.float64)
+        blended = float(n.min(initial=math.inf)) > 0 and float(n.max(initial=0)) < 1 and self._blends
+        count = self.lobes * (2 if blended else 1)
+        index = validate.integer("lobe", lobe, 0, count - 1)
+        shape = validate.broadcast(x=x, theta_r=tr, strands=n)
+        out = np.empty(math.prod(shape))
+        if out.size:
+            arrays = (validate.flat(a, shape) for a in (x, tr, n))
+            self._double.lobe(coordinate, inverse, index % self.lobes, index >= self.lobes, *arrays, out)
+        return out.reshape(shape)
+
+    @property
+    def _blends(self) -> bool:
+        return len(self.strands) > 1 and self.strands[0] == 0
+
+
+def _refuse_constant(name: str) -> None:
+    raise ValueError(f"it holds {name}, which is not a number a table can have")

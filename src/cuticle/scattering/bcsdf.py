@@ -1,0 +1,78 @@
+"""The interface of a scattering function, and what every consumer asks of one: f·cos, luminance, strand counts."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+REC709 = (0.2126, 0.7152, 0.0722)
+
+
+class Sample(NamedTuple):
+    """Directions toward the light and their density: theta_i and phi in radians, pdf in 1/sr."""
+
+    theta_i: NDArray
+    phi: NDArray
+    pdf: NDArray
+
+
+@runtime_checkable
+class Bcsdf(Protocol):
+    """What a model has to offer: `eval` in 1/sr without a cosine, arrays broadcast, last axis = channels.
+
+    A model that is not even in phi says so with an attribute `even = False`.
+    """
+
+    def eval(self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike) -> NDArray[np.float64]:
+        """Return f(theta_i, theta_r, phi)."""
+        ...
+
+
+def is_even(model: object) -> bool:
+    """Whether a model says that it is even in phi; one that says nothing is taken not to be."""
+    return bool(getattr(model, "even", False))
+
+
+def strands_of(model: object) -> float:
+    """Return the number of strands that a model is for; 0 where it says none."""
+    return float(getattr(model, "strands", 0.0))
+
+
+def check_model(model: object) -> None:
+    """Raise TypeError where `model` is no scattering function."""
+    if not callable(getattr(model, "eval", None)):
+        raise TypeError(f"model must have eval(theta_i, theta_r, phi), got {type(model).__name__}")
+
+
+def with_strands(model: Any, strands: float) -> Any:
+    """Return a scattering function for a number of strands, or itself where it knows none."""
+    return model.with_strands(strands) if hasattr(model, "with_strands") else model
+
+
+def evaluate(model: Bcsdf, theta_i: NDArray, theta_r: float, phi: NDArray) -> NDArray[np.float64]:
+    """Return f·cos(theta_i) on the product of two axes, checked: shape (A, B, channels), finite, not negative."""
+    f = np.asarray(model.eval(theta_i[:, None], theta_r, phi[None, :]), np.float64)
+    shape = (len(theta_i), len(phi))
+    if f.ndim != 3 or f.shape[:2] != shape:
+        raise ValueError(
+            f"model.eval must return shape {(*shape, 'channels')} for angles that broadcast to {shape}, got {f.shape}"
+        )
+    if not np.isfinite(f).all() or (f < 0).any():
+        a, b, c = (int(i) for i in np.argwhere(~(np.isfinite(f) & (f >= 0)))[0])
+        raise ValueError(
+            f"model.eval must be finite and at least 0, got {f[a, b, c]:g} at theta_i {theta_i[a]:.4g},"
+            f" theta_r {theta_r:.4g}, phi {phi[b]:.4g} rad"
+        )
+    return f * np.cos(theta_i)[:, None, None]
+
+
+def luminance_weights(channels: int) -> NDArray[np.float64]:
+    """Return what each channel counts in luminance: Rec. 709 for three, else alike."""
+    return np.array(REC709) if channels == 3 else np.full(channels, 1 / channels)
+
+
+def luminance(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the luminance of values whose last axis is channels: Rec. 709 for three, else their mean."""
+    return values @ luminance_weights(values.shape[-1])

@@ -1,0 +1,90 @@
+"""The tables that the core's closed forms read, of one fibre."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cuticle import _core
+
+AVERAGE_LIMIT = np.radians(89.5)  # at the pole itself Fresnel's term is 1 and nothing is ever absorbed
+
+
+@dataclass(frozen=True, eq=False)
+class FibreTables:
+    """What the core's closed forms read: a fibre's tables with every so many rows and columns left out.
+
+    Attributes
+    ----------
+    alpha, beta
+        Shifts and deviations of R, TT, TRT in theta_h, radians.
+    conserving
+        Whether the longitudinal function is the energy-conserving one.
+    direct, spread
+        N_p and its half-turn average, shape (rows, columns, 3, channels), single precision; `spread` is None for a strand
+        on its own.
+    averages
+        Shape (rows, channels, 9), or None.
+    formulation, d_f, d_b
+        Of dual scattering.
+    rest, rest_variance
+        Of Chiang 2016: energies of the orders past TRT, shape (rows, channels), and the variance of their M in theta; or
+        None.
+    deviation
+        Of the azimuthal distribution, radians: how coarse its columns may become.
+    error
+        Largest ∫|Δf| cos / ∫ f cos over viewers, strand counts and channels, by quadrature.
+    """
+
+    alpha: NDArray[np.float64]
+    beta: NDArray[np.float64]
+    conserving: bool
+    direct: NDArray[np.float32]
+    spread: NDArray[np.float32] | None = None
+    averages: NDArray[np.float32] | None = None
+    formulation: str = "exact"
+    d_f: float = 0.0
+    d_b: float = 0.0
+    rest: NDArray[np.float32] | None = None
+    rest_variance: float = 0.0
+    deviation: float = 0.0
+    error: float = 0.0
+
+    @property
+    def kind(self) -> str:
+        """Which of the core's functions they are for: "dual", "chiang" or "strand"."""
+        return "dual" if self.spread is not None else "chiang" if self.rest is not None else "strand"
+
+    @property
+    def channels(self) -> int:
+        """Length of the last axis of what f returns."""
+        return self.direct.shape[3]
+
+    @property
+    def size(self) -> int:
+        """Bytes in single precision."""
+        return sum(t.nbytes for t in (self.direct, self.spread, self.averages, self.rest) if t is not None)
+
+    def thinned(self, row_step: int, column_step: int) -> FibreTables:
+        """Return every so many rows and columns of them; all averages, few as they are, whose powers strands take."""
+
+        def thin(table: NDArray | None, columns: int = 1) -> Any:
+            return None if table is None else np.ascontiguousarray(table[::row_step, ::columns], np.float32)
+
+        return replace(
+            self, direct=thin(self.direct, column_step), spread=thin(self.spread, column_step),
+            rest=thin(self.rest),
+        )  # fmt: skip
+
+    def core(self) -> _core.Model:
+        """Return what evaluates them."""
+        direct = self.direct.astype(float)
+        if self.spread is not None and self.averages is not None:
+            tables = direct, self.spread.astype(float), self.averages.astype(float)
+            return _core.Model(self.alpha, self.beta, self.conserving, *tables, AVERAGE_LIMIT, self.d_f, self.d_b)
+        if self.rest is not None:
+            return _core.Model(self.alpha, self.beta, direct, self.rest.astype(float), self.rest_variance)
+        return _core.Model(self.alpha, self.beta, self.conserving, direct)

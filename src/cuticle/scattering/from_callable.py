@@ -1,0 +1,199 @@
+"""A scattering function given as a Python function: exact where it takes arrays, tabulated where it is slow or noisy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cuticle._support import validate
+from cuticle._support.progress import Progress
+from cuticle.scattering.tabulated import Tabulated
+
+GRID = (25, 91, 181)  # viewers, theta_i, phi over a whole turn
+TARGET_ERROR = 0.05
+MOST_REPEATS = 256
+_FIRST_REPEATS = 8
+_PROBES = 16
+
+
+class Function:
+    """A deterministic function of arrays as a scattering function; `from_callable` makes one.
+
+    Parameters
+    ----------
+    function
+        function(theta_i, theta_r, phi) -> f in 1/sr without a cosine, radians; arrays of one shape in, that shape or
+        that shape plus channels out.
+    even
+        Whether f(phi) = f(-phi).
+    """
+
+    strands = 0.0
+
+    def __init__(self, function: Callable[..., Any], even: bool = False) -> None:
+        self.function, self.even = function, even
+
+    def __repr__(self) -> str:
+        return f"Function({_name(self.function)}{', even' if self.even else ''})"
+
+    def eval(self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike) -> NDArray[np.float64]:
+        """Return f in 1/sr, without a cosine; arrays broadcast, the last axis is channels."""
+        ti = validate.angles("theta_i", theta_i, validate.HALF_PI, np.float64)
+        tr = validate.angles("theta_r", theta_r, validate.HALF_PI, np.float64)
+        ph = validate.angles("phi", phi, 4 * np.pi, np.float64)
+        shape = validate.broadcast(theta_i=ti, theta_r=tr, phi=ph)
+        return _call(self.function, *(np.array(np.broadcast_to(x, shape)) for x in (ti, tr, ph)))
+
+
+def from_callable(
+    function: Callable[..., Any],
+    *,
+    even: bool = False,
+    repeats: int | None = None,
+    grid: tuple[int, int, int] = GRID,
+    progress: Progress | None = None,
+) -> Function | Tabulated:
+    """Make a scattering function of a Python function.
+
+    A function of arrays that always gives the same answer is used as it is. One that takes single numbers, or that
+    answers at random (an estimator), is tabulated.
+
+    Parameters
+    ----------
+    function
+        function(theta_i, theta_r, phi) -> f in 1/sr without a cosine, angles in radians. Of arrays (of one shape; it
+        returns that shape, or that shape plus channels), or of single numbers (it returns one value or one a channel).
+    even
+        Whether f(phi) = f(-phi); halves the work and serves the sampler.
+    repeats
+        How often an estimator is asked at each point; if left out, until the standard error is 5 % of f on average, or
+        256 times. Ignored where two calls agree.
+    grid
+        Numbers of viewers, of theta_i and of phi over a whole turn, for what has to be tabulated.
+    progress
+        Called with a phase and a fraction from 0 to 1.
+
+    Returns
+    -------
+    Function or Tabulated
+        A table says in `source` how often the function was asked ("repeats") and the standard error that is left as a
+        share of f ("error", 0 for one that is not random).
+
+    Raises
+    ------
+    ValueError
+        A function that raises, or returns a wrong shape, negative values or NaN.
+
+    Examples
+    --------
+    >>> import numpy as np, cuticle
+    >>> model = cuticle.from_callable(lambda ti, tr, phi: np.exp(-((ti + tr) ** 2) / 0.05) / 6, even=True)
+    >>> model.eval(0.1, -0.1, 2.0).shape
+    (1,)
+    """
+    if not callable(function):
+        raise TypeError(f"function must be callable, got {type(function).__name__}")
+    if repeats is not None:
+        validate.integer("repeats", repeats, 1, 1_000_000)
+    sizes = tuple(
+        validate.integer(f"grid ({name})", n, low, 2000)
+        for name, n, low in zip(("theta_r", "theta_i", "phi"), grid, (2, 7, 13), strict=True)
+    )
+    rng = np.random.default_rng(1)
+    probe = rng.uniform(-1.5, 1.5, _PROBES), rng.uniform(-1.5, 1.5, _PROBES), rng.uniform(-3, 3, _PROBES)
+    vectorised = _takes_arrays(function, *probe)
+
+    def ask(ti: NDArray, tr: NDArray, ph: NDArray) -> NDArray[np.float64]:
+        if vectorised:
+            return _call(function, ti, tr, ph)
+        return np.array([_one(function, *point) for point in zip(ti.tolist(), tr.tolist(), ph.tolist(), strict=True)])
+
+    first = ask(*probe)
+    random = not np.array_equal(first, ask(*probe), equal_nan=True)
+    if vectorised and not random:
+        return Function(function, even)
+    return _tabulate(function, ask, even, random, repeats, sizes, progress or (lambda phase, fraction: None))
+
+
+def _tabulate(
+    function: Callable[..., Any],
+    ask: Callable[..., NDArray],
+    even: bool,
+    random: bool,
+    repeats: int | None,
+    sizes: tuple[int, ...],
+    progress: Progress,
+) -> Tabulated:
+    theta_r = np.linspace(-np.pi / 2, np.pi / 2, sizes[0]) * 0.995
+    theta_i = np.linspace(-np.pi / 2, np.pi / 2, sizes[1]) * 0.999
+    phi = np.linspace(0, np.pi, sizes[2] // 2 + 1) if even else np.linspace(-np.pi, np.pi, sizes[2])[:-1]
+    ti, ph = (x.ravel() for x in np.meshgrid(theta_i, phi, indexing="ij"))
+    sheets, error, most = [], 0.0, 1
+    for i, viewer in enumerate(theta_r):
+        progress(f"{_name(function)}: theta_r {np.degrees(viewer):.0f}°", i / len(theta_r))
+        tr = np.full(len(ti), viewer)
+        total = ask(ti, tr, ph)
+        squares, count = total**2, 1
+        goal = (repeats or _FIRST_REPEATS) if random else 1
+        left = np.inf if random else 0.0
+        while count < goal:
+            value = ask(ti, tr, ph)
+            total, squares, count = total + value, squares + value**2, count + 1
+            if count == goal:
+                left = _error(total, squares, count, np.cos(ti))
+                if repeats is None and left > TARGET_ERROR and goal < MOST_REPEATS:
+                    goal = min(int(np.ceil(goal * min((left / TARGET_ERROR) ** 2 * 1.1, 8))), MOST_REPEATS)
+        error, most = max(error, left if np.isfinite(left) else 0.0), max(most, count)
+        sheets.append((total / count).reshape(len(theta_i), len(phi), -1))
+    progress("done", 1.0)
+    table = Tabulated(theta_r, theta_i, phi, np.array(sheets))
+    table.source = {"function": _name(function), "repeats": most, "error": error}
+    return table
+
+
+def _error(total: NDArray, squares: NDArray, count: int, cosine: NDArray) -> float:
+    """Standard error as a share of f, averaged over f cos."""
+    mean = total / count
+    deviation = np.sqrt(np.maximum(squares / count - mean**2, 0) / (count - 1))
+    weight = cosine[:, None] ** 2
+    return float((weight * deviation).sum() / max(float((weight * np.abs(mean)).sum()), 1e-300))
+
+
+def _name(function: Callable[..., Any]) -> str:
+    return str(getattr(function, "__name__", type(function).__name__))
+
+
+def _takes_arrays(function: Callable[..., Any], *probe: NDArray) -> bool:
+    try:
+        shape = np.shape(function(*(x.copy() for x in probe)))
+    except Exception:  # whatever a function of single numbers does with arrays
+        return False
+    return shape[:1] == (_PROBES,) and len(shape) <= 2
+
+
+def _call(function: Callable[..., Any], ti: NDArray, tr: NDArray, ph: NDArray) -> NDArray[np.float64]:
+    try:
+        f = np.asarray(function(ti, tr, ph), np.float64)
+    except Exception as error:
+        raise ValueError(f"{_name(function)}(theta_i, theta_r, phi) raised {type(error).__name__}: {error}") from error
+    if f.shape == ti.shape:
+        return f[..., None]
+    if f.shape[:-1] != ti.shape or not 1 <= f.shape[-1] <= 32:
+        raise ValueError(
+            f"{_name(function)} must return shape {ti.shape}, or that plus channels, for angles of that shape; got {f.shape}"
+        )
+    return f
+
+
+def _one(function: Callable[..., Any], ti: float, tr: float, ph: float) -> NDArray[np.float64]:
+    where = f"at theta_i {ti:.4g}, theta_r {tr:.4g}, phi {ph:.4g}"
+    try:
+        f = np.atleast_1d(np.asarray(function(ti, tr, ph), np.float64))
+    except Exception as error:
+        raise ValueError(f"{_name(function)} raised {type(error).__name__} {where}: {error}") from error
+    if f.ndim != 1 or len(f) > 32:
+        raise ValueError(f"{_name(function)} must return one value or one a channel, got shape {f.shape} {where}")
+    return f

@@ -1,0 +1,382 @@
+"""A scattering function given as a table: from a simulation, a goniometer, another program."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cuticle._support import validate
+from cuticle.scattering.bcsdf import luminance
+from cuticle.scattering.holes import fill_holes
+from cuticle.scattering.noise import settle_noise
+from cuticle.scattering.registry import first_class, restores
+from cuticle.scattering.table_files import read_table, write_table
+
+LARGEST_GAP = np.radians(30)  # between neighbours of one axis
+LARGEST_MARGIN = np.radians(10)  # between the last theta_i and the pole
+MOST_HOLES = 0.2  # of one viewer's values
+MOST_NEGATIVE = 0.01  # of the energy, once noise is averaged out
+MOST_NOISE = 0.25  # of a viewer's largest f cos theta_i, its deviation
+MOST_ENERGY = 1.02
+_NOT_ENERGY = 100.0
+_NO_NOISE = 0.2  # more is no noise, however large that may be
+_ALL_BUT_EVEN = 1e-3  # of f, rms: both sides are one
+_CORRELATED = 0.2
+_POLE = 1e-9  # least cosine; what is given for the pole itself, where f has no say, is not looked at
+_DEGREES = "angles are in radians: give degrees=True, or name the columns theta_r_deg, theta_i_deg, phi_deg"
+
+
+@first_class
+class Tabulated:
+    """A scattering function on a grid of viewers and directions; f cos(theta_i) is linear between its points.
+
+    The cosine makes it finite at the poles, where an energy-conserving f is not. Between two viewers both sheets are moved
+    along theta_i, so that their highlights (theta_i = -theta_r) fall together, and then mixed; beyond the last viewer its
+    sheet is moved alone.
+
+    Parameters
+    ----------
+    theta_r
+        Viewers' inclinations, radians, increasing, shape (R,); or one number. If none is negative, the others are taken
+        as mirror images (right for a fibre without tilt), with a warning.
+    theta_i
+        Radians, increasing, shape (A,), to within 10° of both poles.
+    phi
+        Radians, increasing, shape (B,), over a whole turn, or over [0, pi] for a function that is even.
+    values
+        f in 1/sr, without a cosine: shape (R, A, B, channels), (R, A, B), or either without R for one viewer. What is given
+        for a pole itself is not looked at. NaN is a hole: up to 20 % of a viewer's values, filled smoothly from around (the
+        harmonic function through what lies about). Values below 0 are noise about 0: up to a deviation of a quarter of the
+        largest f cos(theta_i), what does not stand out of it is averaged over its neighbourhood.
+    degrees
+        Whether the angles are in degrees.
+    even
+        Whether a table over a whole turn is of a function with f(phi) = f(-phi): both sides are then averaged, and lobes
+        serve both. If left out, found out: the two sides differ by nothing but noise.
+
+    Raises
+    ------
+    ValueError
+        Shapes that do not fit, a grid that does not cover the sphere, infinite values, more holes or noise than that,
+        values below 0 that are not noise, a viewer without energy, or more than 100 times the energy that came in
+        (wrong units).
+
+    Warns
+    -----
+    UserWarning
+        Energy above 1, values below 0 set to 0, one viewer or one side of them only.
+    """
+
+    strands = 0.0
+    suffixes = (".npz", ".csv")
+
+    def __init__(
+        self,
+        theta_r: ArrayLike,
+        theta_i: ArrayLike,
+        phi: ArrayLike,
+        values: ArrayLike,
+        *,
+        degrees: bool = False,
+        even: bool | None = None,
+    ) -> None:
+        self.source: dict[str, Any] | None = None
+        turn = np.radians if degrees else np.asarray
+        self.theta_r = _axis("theta_r", turn(np.atleast_1d(np.asarray(theta_r, np.float64))), 1)
+        self.theta_i = _axis("theta_i", turn(np.asarray(theta_i, np.float64)), 3)
+        phi = np.asarray(turn(np.asarray(phi, np.float64)))
+        f = _values(values, len(self.theta_r), len(self.theta_i), np.size(phi))
+        _check_theta(self.theta_i)
+        self.phi, order, self.even = _azimuth(phi)
+        f = f[:, :, order] * np.maximum(np.cos(self.theta_i), _POLE)[:, None, None]  # a copy, which is ours to change
+        for pole, inner in ((0, 1), (-1, -2)):
+            if np.cos(self.theta_i[pole]) <= _POLE:
+                f[:, pole] = f[:, inner]
+        self._bad(f)
+        below = f[f < 0]
+        self.holes = fill_holes(f, not self.even)
+        if not self.even:
+            f, self.phi, self.even = _fold(f, self.phi, even)
+        if len(below):
+            self._settle(f, below)
+        if not self.even:  # the first azimuth once more, a turn later
+            f = np.concatenate([f, f[:, :, :1]], axis=2)
+            self.phi = np.append(self.phi, self.phi[0] + 2 * np.pi)
+        self.values = f
+        f.setflags(write=False)
+        self.energy = self._energies()
+        self._check_energy()
+        if len(self.theta_r) == 1:
+            _warn("one viewer is known: the others see its sheet moved along theta_i to their own highlight")
+        self._mirrored = len(self.theta_r) > 1 and (self.theta_r[0] >= 0 or self.theta_r[-1] <= 0)
+        if self._mirrored:
+            side = "below" if self.theta_r[0] >= 0 else "above"
+            _warn(f"no viewer {side} 0° is known: mirror images stand for them, which is right for a fibre without tilt")
+
+    def __repr__(self) -> str:
+        r, a, b, c = self.values.shape
+        energy = luminance(self.energy)
+        holes = f", {100 * self.holes:.2g} % holes filled" if self.holes else ""
+        size = f"{r} viewers × {a} theta_i × {b} phi × {c} channel{'s' if c > 1 else ''}"
+        return f"Tabulated({size}{', even' if self.even else ''}, energy {energy.min():.3g} to {energy.max():.3g}{holes})"
+
+    @property
+    def channels(self) -> int:
+        """Length of the last axis of what `eval` returns."""
+        return self.values.shape[3]
+
+    def eval(self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike) -> NDArray[np.float64]:
+        """Return f in 1/sr, without a cosine; angles in radians broadcast, the last axis is channels."""
+        ti = validate.angles("theta_i", theta_i, validate.HALF_PI, np.float64)
+        tr = validate.angles("theta_r", theta_r, validate.HALF_PI, np.float64)
+        ph = validate.angles("phi", phi, 4 * np.pi, np.float64)
+        shape = validate.broadcast(theta_i=ti, theta_r=tr, phi=ph)
+        if tr.size == 1 and ti.ndim == 2 and ti.shape[1] == 1 and ph.shape in ((shape[1],), (1, shape[1])):
+            return self._grid(ti[:, 0], float(tr.ravel()[0]), ph.ravel())
+        ti, tr, ph = (np.broadcast_to(x, shape).ravel() for x in (ti, tr, ph))
+        if self._mirrored:
+            other = tr < 0 if self.theta_r[0] >= 0 else tr > 0
+            ti, tr = np.where(other, -ti, ti), np.where(other, -tr, tr)
+        column, v = self._column(ph)
+        row, t = _locate(self.theta_r, tr)
+        out = np.zeros((len(ti), self.channels))
+        for step, weight in ((0, 1 - t), (1, t)):
+            used = np.flatnonzero(weight > 0)
+            sheet = np.minimum(row[used] + step, len(self.theta_r) - 1)
+            a, s = _locate(self.theta_i, ti[used] + tr[used] - self.theta_r[sheet])
+            b, v_ = column[used], v[used]
+            for da, wa in ((0, 1 - s), (1, s)):
+                for db, wb in ((0, 1 - v_), (1, v_)):
+                    out[used] += (weight[used] * wa * wb)[:, None] * self.values[sheet, a + da, b + db]
+        out /= np.maximum(np.cos(ti), _POLE)[:, None]
+        return out.reshape(*shape, self.channels)
+
+    def _grid(self, ti: NDArray, tr: float, ph: NDArray) -> NDArray[np.float64]:
+        """The same for one viewer over the product of two axes: one axis after the other."""
+        if self._mirrored and tr * (1 if self.theta_r[0] >= 0 else -1) < 0:
+            ti, tr = -ti, -tr
+        row, t = (x[0] for x in _locate(self.theta_r, np.array([tr])))
+        rows = np.zeros((len(ti), *self.values.shape[2:]))
+        for sheet, weight in ((row, 1 - t), (min(row + 1, len(self.theta_r) - 1), t)):
+            if weight > 0:
+                a, s = _locate(self.theta_i, ti + tr - self.theta_r[sheet])
+                at = self.values[sheet]
+                rows += (weight * (1 - s))[:, None, None] * at[a] + (weight * s)[:, None, None] * at[a + 1]
+        rows /= np.maximum(np.cos(ti), _POLE)[:, None, None]
+        column, v = self._column(ph)
+        return (1 - v)[:, None] * rows[:, column] + v[:, None] * rows[:, column + 1]
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the table to an .npz file, whole or not at all."""
+        last = None if self.even else -1
+        f = self.values[:, :, :last] / np.maximum(np.cos(self.theta_i), _POLE)[:, None, None]
+        return write_table(path, self.theta_r, self.theta_i, self.phi[:last], f)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Tabulated:
+        """Read a table from an .npz or a CSV file; docs/sources.md tells what it has to hold.
+
+        Raises
+        ------
+        ValueError
+            A file that cannot be read or does not hold such a table; the line, the name and the remedy.
+        """
+        table = read_table(path)
+        try:
+            made = cls(*table)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
+        made.source = {"path": str(path), "sha256": hashlib.sha256(Path(path).read_bytes()).hexdigest()}
+        return made
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return where the table came from, if from a file or a plugin; JSON can hold it."""
+        return {"source": self.source} if self.source else {}
+
+    def _column(self, phi: NDArray) -> tuple[NDArray, NDArray]:
+        if self.even:
+            folded = np.abs(np.pi - np.mod(np.pi - phi, 2 * np.pi))
+            return _locate(self.phi, folded)
+        return _locate(self.phi, self.phi[0] + np.mod(phi - self.phi[0], 2 * np.pi))
+
+    def _bad(self, f: NDArray) -> None:
+        if np.isinf(f).any():
+            raise ValueError(f"values must be finite or NaN (a hole), got {int(np.isinf(f).sum()):,} infinite ones")
+        holes = np.isnan(f).mean(axis=(1, 2, 3))
+        worst = int(np.argmax(holes))
+        if holes[worst] > MOST_HOLES:
+            raise ValueError(
+                f"at most {100 * MOST_HOLES:g} % of a viewer's values may be holes (NaN), got {100 * holes[worst]:.3g} % at"
+                f" theta_r {np.degrees(self.theta_r[worst]):.4g}°; measure more, or leave that viewer out"
+            )
+
+    def _settle(self, f: NDArray, below: NDArray) -> None:
+        """Make f at least 0; `below`: what was not, as it was given."""
+        share = -float(below.sum()) / float(np.abs(f).sum() - below.sum())
+        left, deviation = settle_noise(f, not self.even)
+        if left > (MOST_NEGATIVE if deviation <= MOST_NOISE else _NO_NOISE):
+            raise ValueError(
+                f"values must be at least 0 but for noise about 0: {100 * share:.3g} % of the sum of f cos(theta_i) is"
+                f" negative, {100 * left:.3g} % still where noise averages out; the least is {float(below.min()):.4g}"
+            )
+        if deviation > MOST_NOISE:
+            raise ValueError(
+                f"noise may have a deviation of {100 * MOST_NOISE:g} % of the largest f cos(theta_i), got"
+                f" {100 * deviation:.3g} %, judged by the values below 0; measure longer"
+            )
+        done = f"smoothed as noise of {100 * deviation:.2g} % of the largest value" if deviation else "set to 0"
+        _warn(f"{len(below):,} values below 0 ({100 * share:.2g} % of the sum) are {done}")
+
+    def _energies(self) -> NDArray[np.float64]:
+        """∫ f cos theta_i d omega_i of each viewer and channel, shape (R, channels), by the trapezium rule."""
+        theta = np.concatenate([[-np.pi / 2], self.theta_i, [np.pi / 2]])
+        along_theta = 0.5 * (theta[2:] - theta[:-2]) * np.cos(self.theta_i)
+        along_phi = np.zeros(len(self.phi))
+        half = 0.5 * np.diff(self.phi)
+        along_phi[:-1] += half
+        along_phi[1:] += half
+        if self.even:  # from the first azimuth to 0 and from the last to pi, both sides
+            along_phi[0] += self.phi[0]
+            along_phi[-1] += np.pi - self.phi[-1]
+            along_phi *= 2
+        return np.einsum("rabc,a,b->rc", self.values, along_theta, along_phi, optimize=True)
+
+    def _check_energy(self) -> None:
+        total = self.energy.max(axis=1)
+        dark = np.flatnonzero(~(total > 0))
+        if len(dark):
+            raise ValueError(
+                f"every viewer must see some light, got only zeros at theta_r {np.degrees(self.theta_r[dark[0]]):.4g}°"
+                f" ({len(dark)} of {len(total)} viewers); leave them out"
+            )
+        r, c = np.unravel_index(int(np.argmax(self.energy)), self.energy.shape)
+        most, where = self.energy[r, c], f"at theta_r {np.degrees(self.theta_r[r]):.4g}°, channel {c}"
+        if most > _NOT_ENERGY:
+            raise ValueError(
+                f"∫ f cos(theta_i) d omega must be at most 1, got {most:.4g} {where}: these are not 1/sr without a cosine;"
+                " divide by the incoming light"
+            )
+        if most > MOST_ENERGY:
+            _warn(f"more light leaves than came: ∫ f cos(theta_i) d omega is {most:.4g} {where}; is f 1/sr, with no cosine?")
+
+
+def _warn(message: str) -> None:
+    warnings.warn(message, stacklevel=4)
+
+
+def _axis(name: str, x: NDArray, least: int) -> NDArray[np.float64]:
+    x = np.asarray(x, np.float64)
+    if x.ndim != 1 or len(x) < least:
+        raise ValueError(f"{name} must be a list of at least {least} angles, got shape {x.shape}")
+    limit = 4 * np.pi if name == "phi" else np.pi / 2
+    if not np.isfinite(x).all() or np.abs(x).max() > limit * (1 + 1e-6):
+        raise ValueError(f"{name} must lie in ±{limit:.5g} rad, got up to {np.abs(x).max():.5g}; {_DEGREES}")
+    if (np.diff(x) <= 0).any():
+        at = int(np.argmax(np.diff(x) <= 0))
+        raise ValueError(f"{name} must be increasing, got {x[at]:.5g} and then {x[at + 1]:.5g} (item {at + 1})")
+    return x.clip(-limit, limit)
+
+
+def _values(values: ArrayLike, r: int, a: int, b: int) -> NDArray:
+    try:
+        f = np.asarray(values)
+        f = f if f.dtype == np.float32 else f.astype(np.float64, copy=False)
+    except (TypeError, ValueError):
+        raise TypeError(f"values must be an array of numbers, got {type(values).__name__}") from None
+    if f.shape[:2] == (a, b) and f.ndim in (2, 3) and r == 1:
+        f = f[None]
+    if f.ndim == 3:
+        f = f[..., None]
+    if f.ndim != 4 or f.shape[:3] != (r, a, b) or not 1 <= f.shape[3] <= 32:
+        raise ValueError(
+            f"values must have shape (theta_r, theta_i, phi, channels) = ({r}, {a}, {b}, 1 to 32), got {np.shape(values)}"
+        )
+    return f
+
+
+def _check_theta(theta: NDArray) -> None:
+    margin = max(theta[0] + np.pi / 2, np.pi / 2 - theta[-1])
+    if margin > LARGEST_MARGIN + 1e-9:
+        raise ValueError(
+            f"theta_i must reach within {np.degrees(LARGEST_MARGIN):g}° of both poles, got"
+            f" {np.degrees(theta[0]):.4g}° to {np.degrees(theta[-1]):.4g}°; the grid does not cover the sphere. {_DEGREES}"
+        )
+    _check_gap("theta_i", float(np.diff(theta).max()))
+
+
+def _check_gap(name: str, gap: float) -> None:
+    if gap > LARGEST_GAP + 1e-9:
+        raise ValueError(
+            f"neighbours in {name} may be {np.degrees(LARGEST_GAP):g}° apart at most, got {np.degrees(gap):.4g}°;"
+            " the grid does not cover the sphere"
+        )
+
+
+def _azimuth(phi: NDArray) -> tuple[NDArray, Any, bool]:
+    """Return the azimuths to keep, where they lie in the given ones, and whether they are half a turn."""
+    phi = _axis("phi", phi, 3)
+    step, reach = float(np.diff(phi).max()), float(phi[-1] - phi[0])
+    _check_gap("phi", step)
+    if reach > 2 * np.pi + 1e-6:
+        raise ValueError(f"phi must cover one turn, got {np.degrees(reach):.5g}°; leave out what comes twice")
+    if reach >= 2 * np.pi - 1e-6:  # the last is the first again
+        return phi[:-1], slice(0, -1), False
+    if 2 * np.pi - reach <= step * 1.001 + 1e-9:
+        return phi, slice(None), False
+    if phi[0] >= -1e-6 and phi[-1] <= np.pi + 1e-6 and phi[0] <= step and np.pi - phi[-1] <= step:
+        return phi.clip(0, np.pi), slice(None), True
+    raise ValueError(
+        f"phi must run over a whole turn, or from 0 to pi for an even function, got {np.degrees(phi[0]):.4g}° to"
+        f" {np.degrees(phi[-1]):.4g}°; the grid does not cover the sphere"
+    )
+
+
+def _fold(f: NDArray, phi: NDArray, even: bool | None) -> tuple[NDArray, NDArray, bool]:
+    """Return half a turn, both sides averaged, where f is even by `even` or by what it shows."""
+    turned = np.mod(-phi - phi[0], 2 * np.pi) + phi[0]  # -phi, within the table's turn
+    other = np.searchsorted(phi, turned - 1e-6) % len(phi)
+    meets = np.abs(np.angle(np.exp(1j * (phi[other] + phi)))) < 1e-6
+    if even is False or not meets.all():
+        if even:
+            raise ValueError("even=True needs a phi grid that holds -phi beside every phi")
+        return f, phi, False
+    wrapped = np.angle(np.exp(1j * phi))
+    half = np.flatnonzero((wrapped > -1e-6) | (np.abs(wrapped + np.pi) < 1e-6))
+    half = half[np.argsort(np.abs(wrapped[half]))]
+    if even is None:
+        difference = 0.5 * (f - f[:, :, other])
+        square = float((difference**2).sum())
+        if square > (_ALL_BUT_EVEN**2) * float((f**2).sum()):
+            # What is left is noise where neighbours know nothing of each other.
+            along = float((difference * np.roll(difference, 1, axis=2)).sum())
+            if along > _CORRELATED * square:
+                return f, phi, False
+    folded = 0.5 * (f[:, :, half] + f[:, :, other[half]])
+    return folded, np.abs(wrapped[half]).clip(0, np.pi), True
+
+
+def _locate(axis: NDArray, x: NDArray) -> tuple[NDArray, NDArray]:
+    """Return the place below each x and how far it is to the next, held within the axis."""
+    if len(axis) == 1:
+        return np.zeros(len(x), np.intp), np.zeros(len(x))
+    i = np.clip(np.searchsorted(axis, x, side="right") - 1, 0, len(axis) - 2)
+    return i, np.clip((x - axis[i]) / (axis[i + 1] - axis[i]), 0, 1)
+
+
+@restores("path")
+def _read_again(source: dict[str, Any]) -> Tabulated:
+    """Return the table of a file that a sampler was fitted to, if the file is still the same."""
+    path = Path(source["path"])
+    if not path.exists():
+        raise ValueError(f"this sampler was fitted to {path}, which is not there; name the table with --model")
+    if hashlib.sha256(path.read_bytes()).hexdigest() != source.get("sha256"):
+        raise ValueError(
+            f"this sampler was fitted to {path}, which has changed since; fit again, or name another with --model"
+        )
+    return Tabulated.load(path)
