@@ -27,16 +27,15 @@ from rich.console import Console
 from rich.table import Table
 
 import cuticle
-from cuticle.fitting.fit import MEASURED_AT, sampling_cost
+from cuticle.fitting.costs import traced_cost
+from cuticle.fitting.fit import MEASURED_AT
 from cuticle.sampling.quality import UniformSphere, measure
 from cuticle.scattering.bcsdf import luminance
 
 ROOT = Path(__file__).parents[1]
 LOBES = (1, 2, 4, 8, 16)
 VIEWERS, THETAS, PHIS = 25, 64, 128
-PATH_COST = sampling_cost(0) - sampling_cost(
-    0, path=0
-)  # kernels to trace and shade one ray: an assumption (fit.sampling_cost)
+PATH_COST = traced_cost(0) - traced_cost(0, path=0)  # kernels to trace and shade one ray: an assumption
 out = Console() if sys.stdout.isatty() else Console(width=124)
 
 

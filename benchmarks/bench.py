@@ -14,6 +14,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -23,10 +24,11 @@ from rich.table import Table
 
 import cuticle
 from cuticle.cli.tables import ess_text
+from cuticle.fitting.costs import MEASURED
 from cuticle.fitting.fit import MEASURED_AT
 from cuticle.sampling.quality import UniformSphere
 from cuticle.sampling.sampler import Sampler
-from cuticle.scattering import models
+from cuticle.scattering.fibre_tables import AVERAGE_LIMIT
 
 ROOT = Path(__file__).parents[1]
 STRANDS = (0.0, 1.0, 2.0, 4.0, 8.0)
@@ -62,7 +64,7 @@ def write_input(path: Path, cases: list[tuple[str, Sampler, float]], model: cuti
             reals(table)
         exact = int(model.formulation == "exact")
         integers(exact, exact)  # the longitudinal form and the formulation
-        reals([models.AVERAGE_LIMIT, fibre.d_f, fibre.d_b])
+        reals([AVERAGE_LIMIT, fibre.d_f, fibre.d_b])
 
 
 def costs(cases: list[tuple[str, Sampler, float]], model: cuticle.DualScattering, rounds: int) -> dict[str, float]:
@@ -76,6 +78,20 @@ def costs(cases: list[tuple[str, Sampler, float]], model: cuticle.DualScattering
         write_input(data, cases, model)
         done = subprocess.run([str(program), str(data), str(rounds)], check=True, capture_output=True, text=True)
     return json.loads(done.stdout)
+
+
+def write_costs(found: dict[str, float]) -> None:
+    """Write what `cuticle.fitting.costs` reads: samples of direct light, with where they were measured."""
+    unit = found["calibration"]
+    version = subprocess.run(["g++", "-dumpfullversion"], capture_output=True, text=True, check=False).stdout.strip()
+    kept = {
+        "origin": f"benchmarks/bench.py, single precision, one thread, g++ {version} -O3 -march=native, {date.today()}",
+        "uniform": round(found["uniform sphere sample"] / unit, 3),
+        "lobes": {str(k): round(found[f"K={k}, direct sample"] / unit, 3) for k in LOBES},
+    }
+    path = ROOT / "src/cuticle/fitting" / MEASURED
+    path.write_text(json.dumps(kept, indent=1) + "\n")
+    out.print(f"wrote {path.relative_to(ROOT)}")
 
 
 def mean_ess(sampler: object, model: cuticle.DualScattering, strands: float) -> tuple[float, float, float]:
@@ -102,6 +118,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--fibre", default="document", help="a preset")
     parser.add_argument("--rounds", type=int, default=301)
+    parser.add_argument("--write", action="store_true", help="keep the costs of samples as the package's own")
     arguments = parser.parse_args()
     model = cuticle.DualScattering(cuticle.Fibre.preset(arguments.fibre))
     cuticle.fit(model, 1)  # tables are made once a fibre: not part of a fit's time
@@ -124,6 +141,8 @@ def main() -> None:
         table.add_row(label, *(f"{x:.2f}" for x in row))
     table.add_row("uniform sphere", "0.00", f"{found['uniform sphere sample'] / unit:.2f}", "")
     out.print(table)
+    if arguments.write:
+        write_costs(found)
     for name in ("eval, direct", "eval, 2 strands"):
         out.print(f"{name}: {found[name] / unit:.2f}")
 

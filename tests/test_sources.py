@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import cuticle
-from command import run
+from command import refused, run
 from cuticle import Chiang, Tabulated, from_callable
 from cuticle.scattering.by_name import model_of, read_model
 from test_tabulated import THETA, TURN, VIEWERS, values
@@ -47,16 +47,18 @@ def test_a_function_of_numbers_is_tabulated_with_progress() -> None:
     assert model.eval(0.3, -0.2, 1.0)[0] == pytest.approx(lobe(0.3, -0.2, 1.0), rel=0.02)
 
 
-def test_an_estimator_is_asked_until_it_is_known() -> None:
+def test_an_estimator_is_averaged_and_says_how_well_it_is_known() -> None:
     rng = np.random.default_rng(6)
 
     def estimator(ti: np.ndarray, tr: np.ndarray, phi: np.ndarray) -> np.ndarray:
         return BROWN.eval(ti, tr, phi) * rng.exponential(1, (*ti.shape, 1))
 
-    model = from_callable(estimator, even=True, grid=(25, 61, 121))
+    with pytest.raises(ValueError, match="answers two equal calls differently: for an estimator say repeats=64"):
+        from_callable(estimator, even=True)
+    model = from_callable(estimator, even=True, grid=(25, 61, 121), repeats=256)
     assert isinstance(model, Tabulated)
     assert model.source is not None
-    assert 8 < model.source["repeats"] <= 256
+    assert model.source["repeats"] == 256
     assert 0 < model.source["error"] <= 0.07
     fitted, best = cuticle.fit(model, 4), cuticle.fit(BROWN, 4)
     for theta_r in (-1.0, 0.0, 0.7):
@@ -164,6 +166,16 @@ def test_what_is_doubtful_is_one_line_on_the_command_line(tmp_path: Path) -> Non
     assert done.returncode == 0, done.stderr
     assert done.stderr.startswith("cuticle: one viewer is known")
     assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_a_tables_options_are_given_and_kept(tmp_path: Path) -> None:
+    r, t, p, f = values(theta_r=VIEWERS[::2], theta=THETA[::2], phi=TURN[::2])
+    rng, top = np.random.default_rng(5), (f * np.cos(t)[:, None, None])[:, 1:-1].max(axis=(1, 2, 3), keepdims=True)
+    np.savez(tmp_path / "noisy.npz", theta_r=r, theta_i=t, phi=p, f=f + 0.01 * top * rng.standard_normal(f.shape))
+    refused("fit", "noisy.npz", "-o", "out", words="smooth=True averages out", cwd=tmp_path)
+    refused("fit", "noisy.npz", "sharp=true", "-o", "out", words="has no option 'sharp'; it has even, smooth", cwd=tmp_path)
+    assert run("fit", "noisy.npz", "smooth=true", "-o", "out", "--lobes", "1", cwd=tmp_path).returncode == 0
+    assert run("check", "out", "--samples", "20000", cwd=tmp_path).returncode == 0
 
 
 def test_chiang_goes_the_whole_way(tmp_path: Path) -> None:

@@ -76,7 +76,9 @@ def test_noise_about_zero_is_averaged_out(clean: Values, own_fit: cuticle.Fit) -
     for deviation, loss, energy in ((0.01, 0.01, 0.05), (0.05, 0.05, 0.2)):  # of a viewer's largest f cos
         f = clean[3] + deviation * top * rng.standard_normal(clean[3].shape)
         with pytest.warns(UserWarning, match="are smoothed as noise of"):
-            table = Tabulated(*clean[:3], f)
+            table = Tabulated(*clean[:3], f, smooth=True)
+        with pytest.raises(ValueError, match=r"got [0-9,]+ below 0, .* smooth=True averages out"):
+            Tabulated(*clean[:3], f)
         assert (table.values >= 0).all()
         np.testing.assert_allclose(table.energy, exact, rtol=energy)
         fitted = cuticle.fit(table, 4)
@@ -196,7 +198,7 @@ def _change(which: str) -> Callable[[Values], tuple[Any, ...]]:
 )
 def test_a_table_that_is_none_is_refused_with_numbers(which: str, message: str, clean: Values) -> None:
     with pytest.raises((ValueError, TypeError), match=message) as caught:
-        Tabulated(*_change(which)(clean))
+        Tabulated(*_change(which)(clean), smooth=which in ("negative", "noise"))
     assert "\n" not in str(caught.value)
 
 

@@ -29,7 +29,6 @@ def as_values(d: Findings) -> dict[str, Any]:
         "model": repr(d.model),
         "formulation": of.get("formulation"),
         "highlight_phi_deg": math.degrees(d.axis),
-        "seconds": round(d.seconds, 2),
         "table_1": _table_1(d),
         "table_2": _table_2(d),
         "table_3": _table_3(d),

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from cuticle.draft.tables import USED, VIEWERS, PeakRow, SliceRow
-from cuticle.fitting.fit import sampling_cost
+from cuticle.fitting.costs import measured_costs, sample_cost, traced_cost
 from cuticle.sampling.distribution import tabulate
 from cuticle.scattering.bcsdf import Bcsdf
 
 HOLDS, PARTLY, FAILS = "holds", "holds in part", "does not hold"
-_PATH = sampling_cost(0) - sampling_cost(0, path=0.0)  # kernels for the ray behind a sample
+_PATH = traced_cost(0) - traced_cost(0, path=0.0)  # kernels for the ray behind a sample
 
 
 @dataclass(frozen=True)
@@ -138,11 +138,14 @@ def match_claim(quality: dict[str, dict[str, dict[str, float]]], count: int) -> 
     )
 
 
-def uniform_claim(quality: dict[str, dict[str, dict[str, float]]], costs: dict[str, float], count: int) -> Claim:
-    """Judge that uniform sampling might be more efficient after all."""
+def uniform_claim(quality: dict[str, dict[str, dict[str, float]]], lobes: dict[str, int]) -> Claim:
+    """Judge that uniform sampling might be more efficient after all.
+
+    `lobes` holds each sampler's number of lobes, 0 for the uniform sphere. Costs are those that `make bench` measured.
+    """
     rows: dict[str, dict[str, float]] = {}
     for name, q in quality.items():
-        cost = costs[name]
+        cost = sample_cost(lobes[name])
         rows[name] = {
             "cost": cost,
             **{f"ess_per_sample_cost_{n}": q[n]["ess"] / cost for n in ("0", "2")},
@@ -157,10 +160,10 @@ def uniform_claim(quality: dict[str, dict[str, dict[str, float]]], costs: dict[s
     return Claim(
         "If the function becomes too expensive to evaluate, then uniform sampling might be more efficient after all.",
         HOLDS if traced[0] >= max(traced[1:]) else FAILS,
-        f"For the uniform sphere, the draft's form and {count} fitted lobes a sample costs {three('cost')} kernels, measured"
-        f" here. ESS per cost of the sample alone is {three('ess_per_sample_cost_0')} for direct light: drawing uniformly is"
-        f" cheap. But a sample is drawn to trace a ray. With {_PATH:.0f} kernels for the ray, 100 ESS/cost is"
-        f" {three('ess_per_traced_cost_0', 100)} for direct light and {three('ess_per_traced_cost_2', 100)} through two"
-        " strands.",
+        f"For the uniform sphere, the draft's form and {lobes['lobes']} fitted lobes a sample costs {three('cost')} kernels"
+        f" ({measured_costs()['origin']}). ESS per cost of the sample alone is {three('ess_per_sample_cost_0')} for direct"
+        f" light: drawing uniformly is cheap. But a sample is drawn to trace a ray. With {_PATH:.0f} kernels for the ray,"
+        f" 100 ESS/cost is {three('ess_per_traced_cost_0', 100)} for direct light and {three('ess_per_traced_cost_2', 100)}"
+        " through two strands.",
         rows,
     )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,6 @@ from cuticle.draft.findings import Findings, Mixing
 from cuticle.draft.functions import find_functions
 from cuticle.draft.printed import Printed
 from cuticle.draft.tables import VIEWERS, highlight_axis, table_1, table_2, table_3
-from cuticle.fitting.cost import UNIFORM, measure_costs
 from cuticle.fitting.fit import fit
 from cuticle.fitting.result import Fit
 from cuticle.sampling.combining import combine, mixed_ess
@@ -43,7 +41,7 @@ class Document(Findings):
     """The draft, reproduced and completed for one fibre: what was found, as text, values and figures."""
 
     def __repr__(self) -> str:
-        lines = [f"Document({self.name or repr(self.model)}, {self.seconds:.1f} s)"]
+        lines = [f"Document({self.name or repr(self.model)})"]
         if self.found is not None:
             for name, choice in self.found.choices.items():
                 lines.append(f"  {name} = {choice.best.text()}")
@@ -111,7 +109,6 @@ def document(
     'θ'
     """
     report = progress or (lambda phase, fraction: None)
-    start = time.perf_counter()
     if isinstance(fibre, str):
         name = name or fibre
         fibre = Fibre.preset(fibre)
@@ -141,17 +138,15 @@ def document(
     fits["lobes"] = fit(model, LOBES, strands=COUNTS) if lobes is None else lobes
     report("comparison", 0.6)
     quality = _quality(model, fits)
-    report("costs", 0.75)
-    costs = measure_costs({name: (f.sampler, 0.0) for name, f in fits.items()})
-    costs["uniform"] = costs.pop(UNIFORM)
     report("claims", 0.8)
+    lobes_of = {"uniform": 0} | {name: f.sampler.lobes for name, f in fits.items()}
     claims = (
         judge.shift_claim(two),
         judge.width_claim(two),
         judge.turning_claim(one),
         judge.azimuth_claim(model, COUNTS[1:]),
         judge.match_claim(quality, fits["lobes"].sampler.lobes),
-        judge.uniform_claim(quality, costs, fits["lobes"].sampler.lobes),
+        judge.uniform_claim(quality, lobes_of),
     )
     report("combining", 0.85)
     mixing = tuple(_mixing(model, fits["lobes"], n) for n in (KNOWN_STRANDS, None))
@@ -171,7 +166,6 @@ def document(
         mixing=mixing,
         printed=printed,
         printed_choices=printed.choices() if printed is not None else {},
-        seconds=time.perf_counter() - start,
     )
 
 

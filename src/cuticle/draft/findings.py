@@ -71,4 +71,3 @@ class Findings:
     mixing: tuple[Mixing, ...]
     printed: Printed | None
     printed_choices: dict[str, Choice] = field(default_factory=dict)
-    seconds: float = 0.0

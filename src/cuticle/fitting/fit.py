@@ -12,6 +12,7 @@ from cuticle._support import validate
 from cuticle._support.progress import Progress
 from cuticle.fitting.closed_forms import DRAFT, DocumentFunctions, document_nodes
 from cuticle.fitting.closed_forms import THETA_NODES as DOCUMENT_NODES
+from cuticle.fitting.costs import traced_cost
 from cuticle.fitting.lobes import END, Points, carry, grow, make_points, node_angles, polish
 from cuticle.fitting.mixture import Array, loss, to_natural
 from cuticle.fitting.result import Candidate, Fit
@@ -26,15 +27,6 @@ FORMS = ("lobes", "document")
 SAMPLINGS = (*FORMS, "uniform")  # what a renderer may draw from
 MEASURED_AT = np.radians([-85, -75, -60, -30, 0, 30, 60, 75, 85.0])
 MAX_AUTO_LOBES = 12
-
-
-def sampling_cost(lobes: int, *, path: float = 30.0) -> float:
-    """Return the cost of one sample with its path, in calibration kernels (16 expf, about 50 ns).
-
-    `path` is what tracing and shading one ray costs beside the sampler: an assumption, of the order of 1.5 microseconds. The
-    sampler's own cost is a line through `make bench`'s K = 4, 8, 16.
-    """
-    return path + 1.05 + 0.04 * lobes
 
 
 def fit(
@@ -201,7 +193,7 @@ def _choose_lobes(points: Sequence[Points], report: Progress) -> tuple[int, tupl
             rows = int(p.row.max()) + 1
             u = carry(p, fits[k - 1], rows)
             values.append(1 / (1 + 2 * loss(p.targets, p.natural(to_natural(u)))))
-        ess, cost = float(np.concatenate(values).mean()), sampling_cost(k)
+        ess, cost = float(np.concatenate(values).mean()), traced_cost(k)
         candidates.append(Candidate(k, ess, cost, ess / cost))
         recent = [c.efficiency for c in candidates[-3:]]
         if len(recent) == 3 and recent[0] >= max(recent[1:]):

@@ -193,7 +193,6 @@ def _document_view(data: dict[str, Any], folder: Path) -> dict[str, Any]:
             }
             for name, f in data["figures"].items()
         ],
-        "seconds": f"{data['seconds']:.1f}",
     }
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from inspect import signature
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -47,7 +48,7 @@ def read_parameters_or_model(name: str, parameters: Sequence[str] = (), *, progr
     name
         A preset, a TOML file with one table, a table of values (.npz, .csv), or mitsuba:PLUGIN.
     parameters
-        key=value of the plugin: numbers, colours with commas, true or false, or words.
+        key=value of the plugin, or of a table (even, smooth): numbers, colours with commas, true or false, or words.
     progress
         Called with a phase and a fraction, where it takes long.
 
@@ -58,13 +59,15 @@ def read_parameters_or_model(name: str, parameters: Sequence[str] = (), *, progr
     """
     if name.startswith(MITSUBA):
         return from_mitsuba(name[len(MITSUBA) :], progress=progress, **read_parameters(parameters))
-    if parameters:
-        raise ValueError(f"key=value parameters go with {MITSUBA}PLUGIN, got {parameters[0]!r} with {name!r}")
-    if name in PRESETS:
-        return Fibre.preset(name)
     suffix = Path(name).suffix.lower()
     if suffix in (readers := _file_readers()):
-        return readers[suffix].load(name)
+        return _load(readers[suffix].load, name, read_parameters(parameters))
+    if parameters:
+        raise ValueError(
+            f"key=value parameters go with {MITSUBA}PLUGIN or {_endings()}, got {parameters[0]!r} with {name!r}"
+        )
+    if name in PRESETS:
+        return Fibre.preset(name)
     if suffix == ".toml" or Path(name).exists():
         text = read_text(name, "model")
         readers = _toml_readers()
@@ -87,6 +90,15 @@ def read_parameters(pairs: Sequence[str]) -> dict[str, Any]:
             raise ValueError(f"parameters must be key=value, such as eumelanin=1.3; got {pair!r}")
         out[key] = _value(text)
     return out
+
+
+def _load(load: Callable[..., Any], name: str, options: dict[str, Any]) -> Any:
+    """Read a file with the options that its reader has."""
+    known = [p.name for p in signature(load).parameters.values() if p.kind is p.KEYWORD_ONLY]
+    for key in options:
+        if key not in known:
+            raise ValueError(f"{name} has no option {key!r}; it has {', '.join(known) or 'none'}")
+    return load(name, **options)
 
 
 def _value(text: str) -> Any:

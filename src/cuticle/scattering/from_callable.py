@@ -1,4 +1,4 @@
-"""A scattering function given as a Python function: exact where it takes arrays, tabulated where it is slow or noisy."""
+"""A scattering function given as a Python function: used as it is where it takes arrays, else tabulated."""
 
 from __future__ import annotations
 
@@ -13,9 +13,6 @@ from cuticle._support.progress import Progress
 from cuticle.scattering.tabulated import Tabulated
 
 GRID = (25, 91, 181)  # viewers, theta_i, phi over a whole turn
-TARGET_ERROR = 0.05
-MOST_REPEATS = 256
-_FIRST_REPEATS = 8
 _PROBES = 16
 
 
@@ -52,14 +49,14 @@ def from_callable(
     function: Callable[..., Any],
     *,
     even: bool = False,
-    repeats: int | None = None,
+    repeats: int = 1,
     grid: tuple[int, int, int] = GRID,
     progress: Progress | None = None,
 ) -> Function | Tabulated:
     """Make a scattering function of a Python function.
 
-    A function of arrays that always gives the same answer is used as it is. One that takes single numbers, or that
-    answers at random (an estimator), is tabulated.
+    A deterministic function of arrays is used as it is. A function of single numbers, or an estimator that is averaged over
+    `repeats` answers, is tabulated.
 
     Parameters
     ----------
@@ -67,10 +64,9 @@ def from_callable(
         function(theta_i, theta_r, phi) -> f in 1/sr without a cosine, angles in radians. Of arrays (of one shape; it
         returns that shape, or that shape plus channels), or of single numbers (it returns one value or one a channel).
     even
-        Whether f(phi) = f(-phi); halves the work and serves the sampler.
+        Whether f(phi) = f(-phi). An even function needs half the work, and its sampler half the lobes.
     repeats
-        How often an estimator is asked at each point; if left out, until the standard error is 5 % of f on average, or
-        256 times. Ignored where two calls agree.
+        How many answers of an estimator are averaged at each point of the table. 1: the function is deterministic.
     grid
         Numbers of viewers, of theta_i and of phi over a whole turn, for what has to be tabulated.
     progress
@@ -79,13 +75,13 @@ def from_callable(
     Returns
     -------
     Function or Tabulated
-        A table says in `source` how often the function was asked ("repeats") and the standard error that is left as a
-        share of f ("error", 0 for one that is not random).
+        A table's `source` holds "repeats" and "error", the mean's standard error as a share of f (0 for one repeat).
 
     Raises
     ------
     ValueError
-        A function that raises, or returns a wrong shape, negative values or NaN.
+        A function that raises, or returns a wrong shape, negative values or NaN; one that answers two equal calls
+        differently with `repeats=1`.
 
     Examples
     --------
@@ -96,8 +92,7 @@ def from_callable(
     """
     if not callable(function):
         raise TypeError(f"function must be callable, got {type(function).__name__}")
-    if repeats is not None:
-        validate.integer("repeats", repeats, 1, 1_000_000)
+    validate.integer("repeats", repeats, 1, 1_000_000)
     sizes = tuple(
         validate.integer(f"grid ({name})", n, low, 2000)
         for name, n, low in zip(("theta_r", "theta_i", "phi"), grid, (2, 7, 13), strict=True)
@@ -111,19 +106,21 @@ def from_callable(
             return _call(function, ti, tr, ph)
         return np.array([_one(function, *point) for point in zip(ti.tolist(), tr.tolist(), ph.tolist(), strict=True)])
 
-    first = ask(*probe)
-    random = not np.array_equal(first, ask(*probe), equal_nan=True)
-    if vectorised and not random:
+    if repeats == 1 and not np.array_equal(ask(*probe), ask(*probe), equal_nan=True):
+        raise ValueError(
+            f"{_name(function)} answers two equal calls differently: for an estimator say repeats=64, how many answers are"
+            " averaged at each point of a table"
+        )
+    if vectorised and repeats == 1:
         return Function(function, even)
-    return _tabulate(function, ask, even, random, repeats, sizes, progress or (lambda phase, fraction: None))
+    return _tabulate(function, ask, even, repeats, sizes, progress or (lambda phase, fraction: None))
 
 
 def _tabulate(
     function: Callable[..., Any],
     ask: Callable[..., NDArray],
     even: bool,
-    random: bool,
-    repeats: int | None,
+    repeats: int,
     sizes: tuple[int, ...],
     progress: Progress,
 ) -> Tabulated:
@@ -131,26 +128,21 @@ def _tabulate(
     theta_i = np.linspace(-np.pi / 2, np.pi / 2, sizes[1]) * 0.999
     phi = np.linspace(0, np.pi, sizes[2] // 2 + 1) if even else np.linspace(-np.pi, np.pi, sizes[2])[:-1]
     ti, ph = (x.ravel() for x in np.meshgrid(theta_i, phi, indexing="ij"))
-    sheets, error, most = [], 0.0, 1
+    sheets, error = [], 0.0
     for i, viewer in enumerate(theta_r):
         progress(f"{_name(function)}: theta_r {np.degrees(viewer):.0f}°", i / len(theta_r))
         tr = np.full(len(ti), viewer)
         total = ask(ti, tr, ph)
-        squares, count = total**2, 1
-        goal = (repeats or _FIRST_REPEATS) if random else 1
-        left = np.inf if random else 0.0
-        while count < goal:
+        squares = total**2
+        for _ in range(repeats - 1):
             value = ask(ti, tr, ph)
-            total, squares, count = total + value, squares + value**2, count + 1
-            if count == goal:
-                left = _error(total, squares, count, np.cos(ti))
-                if repeats is None and left > TARGET_ERROR and goal < MOST_REPEATS:
-                    goal = min(int(np.ceil(goal * min((left / TARGET_ERROR) ** 2 * 1.1, 8))), MOST_REPEATS)
-        error, most = max(error, left if np.isfinite(left) else 0.0), max(most, count)
-        sheets.append((total / count).reshape(len(theta_i), len(phi), -1))
+            total, squares = total + value, squares + value**2
+        if repeats > 1:
+            error = max(error, _error(total, squares, repeats, np.cos(ti)))
+        sheets.append((total / repeats).reshape(len(theta_i), len(phi), -1))
     progress("done", 1.0)
     table = Tabulated(theta_r, theta_i, phi, np.array(sheets))
-    table.source = {"function": _name(function), "repeats": most, "error": error}
+    table.source = {"function": _name(function), "repeats": repeats, "error": error}
     return table
 
 

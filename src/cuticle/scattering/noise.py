@@ -8,7 +8,7 @@ from scipy.ndimage import gaussian_filter
 
 _WIDTHS = (1.0, 2.0, 4.0, 8.0)  # deviations of the smoothing, cells
 _CLEAR = 4.0  # standard deviations of the noise above which a value stands as it is
-_LEAST_SHARE = 1e-3  # of the sum: less is set to 0 and no more
+LEAST_SHARE = 1e-3  # of the sum: less is set to 0, not smoothed
 
 
 def settle_noise(f: NDArray, periodic: bool) -> tuple[float, float]:
@@ -26,7 +26,7 @@ def settle_noise(f: NDArray, periodic: bool) -> tuple[float, float]:
     """
     below = np.minimum(f, 0)
     whole = float(np.abs(f).sum())
-    if -float(below.sum()) <= _LEAST_SHARE * whole:
+    if -float(below.sum()) <= LEAST_SHARE * whole:
         np.maximum(f, 0, out=f)
         return 0.0, 0.0
     left = kept = largest = 0.0

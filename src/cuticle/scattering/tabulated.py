@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from cuticle._support import validate
 from cuticle.scattering.bcsdf import luminance
 from cuticle.scattering.holes import fill_holes
-from cuticle.scattering.noise import settle_noise
+from cuticle.scattering.noise import LEAST_SHARE, settle_noise
 from cuticle.scattering.registry import first_class, restores
 from cuticle.scattering.table_files import read_table, write_table
 
@@ -51,14 +51,17 @@ class Tabulated:
         Radians, increasing, shape (B,), over a whole turn, or over [0, pi] for a function that is even.
     values
         f in 1/sr, without a cosine: shape (R, A, B, channels), (R, A, B), or either without R for one viewer. What is given
-        for a pole itself is not looked at. NaN is a hole: up to 20 % of a viewer's values, filled smoothly from around (the
-        harmonic function through what lies about). Values below 0 are noise about 0: up to a deviation of a quarter of the
-        largest f cos(theta_i), what does not stand out of it is averaged over its neighbourhood.
+        for a pole itself is not looked at. NaN is a hole: up to 20 % of a viewer's values, filled by the harmonic function
+        through the values around it.
     degrees
         Whether the angles are in degrees.
     even
         Whether a table over a whole turn is of a function with f(phi) = f(-phi): both sides are then averaged, and lobes
-        serve both. If left out, found out: the two sides differ by nothing but noise.
+        serve both. If left out, the table is even where its two sides differ by no more than noise.
+    smooth
+        Whether values below 0 are zero-mean noise to be averaged out: values within 4 sigma of zero are smoothed over their
+        neighbourhood, stronger signal is kept. The noise's deviation may be a quarter of the largest f cos(theta_i).
+        Without it, values below 0 that sum to less than 0.1 % are set to 0 and more are refused.
 
     Raises
     ------
@@ -85,6 +88,7 @@ class Tabulated:
         *,
         degrees: bool = False,
         even: bool | None = None,
+        smooth: bool = False,
     ) -> None:
         self.source: dict[str, Any] | None = None
         turn = np.radians if degrees else np.asarray
@@ -104,7 +108,7 @@ class Tabulated:
         if not self.even:
             f, self.phi, self.even = _fold(f, self.phi, even)
         if len(below):
-            self._settle(f, below)
+            self._settle(f, below, smooth)
         if not self.even:  # the first azimuth once more, a turn later
             f = np.concatenate([f, f[:, :, :1]], axis=2)
             self.phi = np.append(self.phi, self.phi[0] + 2 * np.pi)
@@ -179,8 +183,8 @@ class Tabulated:
         return write_table(path, self.theta_r, self.theta_i, self.phi[:last], f)
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Tabulated:
-        """Read a table from an .npz or a CSV file; docs/sources.md tells what it has to hold.
+    def load(cls, path: str | os.PathLike[str], *, even: bool | None = None, smooth: bool = False) -> Tabulated:
+        """Read a table from an .npz or a CSV file; docs/sources.md lists what it has to hold.
 
         Raises
         ------
@@ -189,10 +193,11 @@ class Tabulated:
         """
         table = read_table(path)
         try:
-            made = cls(*table)
+            made = cls(*table, even=even, smooth=smooth)
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
         made.source = {"path": str(path), "sha256": hashlib.sha256(Path(path).read_bytes()).hexdigest()}
+        made.source |= {k: v for k, v in (("even", even), ("smooth", smooth or None)) if v is not None}
         return made
 
     def to_dict(self) -> dict[str, Any]:
@@ -216,9 +221,14 @@ class Tabulated:
                 f" theta_r {np.degrees(self.theta_r[worst]):.4g}°; measure more, or leave that viewer out"
             )
 
-    def _settle(self, f: NDArray, below: NDArray) -> None:
+    def _settle(self, f: NDArray, below: NDArray, smooth: bool) -> None:
         """Make f at least 0; `below`: what was not, as it was given."""
         share = -float(below.sum()) / float(np.abs(f).sum() - below.sum())
+        if not smooth and share > LEAST_SHARE:
+            raise ValueError(
+                f"values must be at least 0, got {len(below):,} below 0, {100 * share:.3g} % of the sum of f cos(theta_i),"
+                f" the least {float(below.min()):.4g}: smooth=True averages out what is zero-mean noise"
+            )
         left, deviation = settle_noise(f, not self.even)
         if left > (MOST_NEGATIVE if deviation <= MOST_NOISE else _NO_NOISE):
             raise ValueError(
@@ -379,4 +389,4 @@ def _read_again(source: dict[str, Any]) -> Tabulated:
         raise ValueError(
             f"this sampler was fitted to {path}, which has changed since; fit again, or name another with --model"
         )
-    return Tabulated.load(path)
+    return Tabulated.load(path, even=source.get("even"), smooth=source.get("smooth", False))
