@@ -6,8 +6,8 @@
 #include "arrays.h"
 #include "bindings.h"
 
-#include "cuticle/lobe.h"
-#include "cuticle/lobes.h"
+#include "cuticle/sampler/normal.h"
+#include "cuticle/sampler/lobes.h"
 
 #include <vector>
 

@@ -1,7 +1,7 @@
 // The sampler over arrays, in single and double precision.
 #include "arrays.h"
 #include "bindings.h"
-#include "cuticle/batch.h"
+#include "cuticle/sampler/batch.h"
 
 #include <algorithm>
 #include <chrono>

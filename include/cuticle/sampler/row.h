@@ -1,9 +1,9 @@
 // Densities of many directions at one number of strands. What costs most of a lobe's density is its norm, by erf at the four
 // ends of its intervals; along theta_r, between two nodes of the table, it is smooth, and a polynomial tells it.
-#ifndef CUTICLE_ROW_H
-#define CUTICLE_ROW_H
+#ifndef CUTICLE_SAMPLER_ROW_H
+#define CUTICLE_SAMPLER_ROW_H
 
-#include "cuticle/lanes.h"
+#include "cuticle/sampler/lanes.h"
 
 #if CUTICLE_NATIVE_SHUFFLE
 
@@ -274,4 +274,4 @@ template <int K> class RowDensities {
 
 #endif
 
-#endif  // CUTICLE_ROW_H
+#endif  // CUTICLE_SAMPLER_ROW_H
