@@ -12,14 +12,16 @@
 #include "cuticle/math/functions.h"
 #include "cuticle/math/logistic.h"
 
+#include "cuticle/simd/lanes.h"
 #include "cuticle/simd/pack.h"
 #include "cuticle/simd/pack_math.h"
+#include "cuticle/simd/several.h"
 
 #include "cuticle/sampler/batch.h"
-#include "cuticle/sampler/lanes.h"
+#include "cuticle/sampler/lobe_table.h"
 #include "cuticle/sampler/lobes.h"
+#include "cuticle/sampler/logistic.h"
 #include "cuticle/sampler/normal.h"
-#include "cuticle/sampler/row.h"
 #include "cuticle/sampler/sampler.h"
 
 #include "cuticle/scattering/azimuthal.h"

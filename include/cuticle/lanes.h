@@ -1,1 +1,1 @@
-#include "cuticle/sampler/lanes.h"  // where it is now
+#include "cuticle/simd/lanes.h"  // where it is now

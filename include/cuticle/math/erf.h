@@ -36,9 +36,7 @@ template <class T> CUTICLE_INLINE Quotient<T> erf_single(const T &x) {
 }
 
 template <class T> CUTICLE_INLINE Quotient<T> erf_quotient(const T &x) {
-    if constexpr (is_pack<T>) {
-        return pack_erf(x);
-    } else if constexpr (std::is_same_v<scalar_t<T>, float>) {
+    if constexpr (std::is_same_v<scalar_t<T>, float>) {
         return erf_single(x);
     } else {
         using std::erf;
@@ -80,14 +78,15 @@ template <class T> CUTICLE_INLINE T erfinv_single(const T &p) {
     return erfinv_single(p, [](const T &w) { return w; });
 }
 
-// erfc for x >= 0 in single precision: exp(-x²) t P(t), t = 1/(1 + x/2), relative error 7e-7 before rounding up to x = 8
+// exp(x²) erfc(x) for x >= 0 in single precision: t P(t), t = 1/(1 + x/2), relative error 7e-7 before rounding up to x = 8
 // (benchmarks/fit_polynomials.py).
-template <class T> CUTICLE_INLINE T erfc_single(const T &x) {
+template <class T> CUTICLE_INLINE T erfcx_single(const T &x) {
     const T t = T(1) / (T(1) + T(.5) * x);
     const T c[] = {T(.0921253413f), T(-.370669425f), T(.408955753f), T(.0237087235f),
                    T(.28692919f),   T(.276540101f),  T(.282409608f)};
-    return math::decay(T(-x * x)) * t * estrin(t, c);
+    return t * estrin(t, c);
 }
+template <class T> CUTICLE_INLINE T erfc_single(const T &x) { return math::decay(T(-x * x)) * erfcx_single(x); }
 
 // The same to the precision of the type: in double two Halley steps on erf. What rounding left outside [-1, 1] is taken for
 // the end (by erfinv_single's max, too).
@@ -105,14 +104,21 @@ template <class T> CUTICLE_INLINE T erfinv(const T &p_) {
     }
 }
 
-// Scaled complementary error function exp(x²) erfc(x) for x >= 0: the product where both factors are
-// far from under- and overflow, else the continued fraction of erfc (DLMF 7.9.3), from its tail.
-template <class T> CUTICLE_HD T erfcx(const T &x) {
+template <class T> CUTICLE_HD T erfc(const T &x) {
     using std::erfc;
+    return erfc(x);
+}
+
+// Scaled complementary error function exp(x²) erfc(x) for x >= 0: below 3 the polynomial or, in double precision, the
+// product, both of whose factors are far from under- and overflow; else the continued fraction of erfc (DLMF 7.9.3), from
+// its tail.
+template <class T> CUTICLE_HD T erfcx(const T &x) {
     const T small = min(x, T(3)), large = max(x, T(3));
     T tail = large;
     for (int k = 40; k >= 1; --k) tail = large + T(.5 * k) / tail;
-    return select(x < T(3), T(math::exp(T(small * small)) * erfc(small)), T(T(0.56418958354775628695) / tail));
+    tail = T(0.56418958354775628695) / tail;
+    if constexpr (std::is_same_v<scalar_t<T>, float>) return select(x < T(3), erfcx_single(small), tail);
+    else return select(x < T(3), T(math::exp(T(small * small)) * math::erfc(small)), tail);
 }
 
 }  // namespace math

@@ -1,8 +1,9 @@
-// Scalar mathematics the core needs, written so that one body serves float, double and array types.
+// Mathematics the core needs, written so that one body serves float, double and array types.
 //
-// float on the host goes through polynomials without calls or branches, so that a loop over lobes
-// becomes vector instructions; double goes through the standard library; any other type (Dr.Jit
-// arrays) is found by argument-dependent lookup.
+// float on the host goes through polynomials without calls or branches, so that a loop over lobes becomes vector
+// instructions; double goes through the standard library. An array type (Dr.Jit's, a pack) brings its own functions: they
+// are found by argument-dependent lookup in its namespace, sqrt in place of std::sqrt and, where it has a quicker way than
+// the one here, max, min and decay in place of math::defaults'.
 #ifndef CUTICLE_MATH_FUNCTIONS_H
 #define CUTICLE_MATH_FUNCTIONS_H
 
@@ -32,7 +33,6 @@ template <class T> struct ArrayTraits {
     }
 };
 template <class T> using scalar_t = typename ArrayTraits<T>::Scalar;
-template <class T> inline constexpr bool is_pack = false;  // pack.h's, whose functions know their own best way
 
 // Constants of a lane.
 template <class Float> inline constexpr scalar_t<Float> pi = scalar_t<Float>(3.14159265358979323846);
@@ -87,13 +87,24 @@ template <class T> CUTICLE_HD T copysign(const T &x, const T &sign) {
     using std::copysign;
     return copysign(x, sign);
 }
+template <class T> CUTICLE_HD T exp(const T &x) {
+    using std::exp;
+    return exp(x);
+}
+
+namespace defaults {
+template <class T> CUTICLE_INLINE T max(const T &a, const T &b) { return select(a < b, b, a); }
+template <class T> CUTICLE_INLINE T min(const T &a, const T &b) { return select(b < a, b, a); }
+template <class T> CUTICLE_INLINE T decay(const T &x) { return math::exp(x); }
+}  // namespace defaults
+
 template <class T> CUTICLE_INLINE T max(const T &a, const T &b) {
-    if constexpr (is_pack<T>) return pack_max(a, b);
-    else return select(a < b, b, a);
+    using defaults::max;
+    return max(a, b);
 }
 template <class T> CUTICLE_INLINE T min(const T &a, const T &b) {
-    if constexpr (is_pack<T>) return pack_min(a, b);
-    else return select(b < a, b, a);
+    using defaults::min;
+    return min(a, b);
 }
 template <class T> CUTICLE_INLINE T clamp(const T &x, const T &lo, const T &hi) { return min(max(x, lo), hi); }
 template <class T> CUTICLE_HD T sqr(const T &x) { return x * x; }
@@ -116,11 +127,6 @@ template <int N, class T> CUTICLE_INLINE T estrin(const T &x, const T (&c)[N]) {
         for (int i = odd; i < half; ++i) pairs[i] = c[2 * i - odd] * x + c[2 * i + 1 - odd];
         return estrin(T(x * x), pairs);
     }
-}
-
-template <class T> CUTICLE_HD T exp(const T &x) {
-    using std::exp;
-    return exp(x);
 }
 
 // 2^n for the integer n nearest to t <= 0, and n itself.
@@ -146,8 +152,8 @@ template <class T> CUTICLE_INLINE T decay_single(const T &x_) {
 }
 
 template <class T> CUTICLE_INLINE T decay(const T &x) {
-    if constexpr (is_pack<T>) return pack_decay(x);
-    else return math::exp(x);
+    using defaults::decay;
+    return decay(x);
 }
 
 CUTICLE_HD inline float decay(float x) {
@@ -156,6 +162,17 @@ CUTICLE_HD inline float decay(float x) {
 #else
     return decay_single(x);
 #endif
+}
+
+// 1 - exp(-x) for x >= 0; of small x in single precision with its digits.
+template <class T> CUTICLE_INLINE T one_less_decay(const T &x) {
+    const T whole = T(1) - math::decay(T(-x));
+    if constexpr (!std::is_same_v<scalar_t<T>, float>) {
+        return whole;
+    } else {
+        const T few = x * polynomial(x, T(-1.f / 720), T(1.f / 120), T(-1.f / 24), T(1.f / 6), T(-.5f), T(1.f));
+        return select(x < T(.25f), few, whole);
+    }
 }
 
 // log for float, for normal x > 0: exponent and, with r = m - 1 on [√½ - 1, √2 - 1), r times a minimax polynomial

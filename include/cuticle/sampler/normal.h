@@ -1,62 +1,94 @@
-// One-dimensional densities, each a triple pdf, cdf, icdf: the normal truncated to an interval, and from it
-// the longitudinal lobe on [-pi/2, pi/2] and the azimuthal lobes on the circle. All are per radian.
+// One-dimensional densities, each a triple pdf, cdf, icdf: the normal truncated to an interval, as a mixture's lobes hold it
+// and for any mean, and from it the longitudinal lobe on [-pi/2, pi/2] and the azimuthal lobes on the circle. All are per
+// radian.
 #ifndef CUTICLE_SAMPLER_NORMAL_H
 #define CUTICLE_SAMPLER_NORMAL_H
 
 #include "cuticle/math/erf.h"
+#include "cuticle/sampler/circle.h"
 
 namespace cuticle {
 
-// What a truncated normal needs where its mean lies inside [lo, hi] or at most one sigma outside: there the
-// difference of two erf keeps its precision. With z = (x - mean) rate the density is norm(d) exp(-z²).
-template <class Float> struct CentralNormal {
-    Float mean, rate, width;  // width = sqrt 2 sigma, rate = 1 / width
-    Float low, mass, under;   // low/under is erf at the lower end, mass/under erf(upper) - erf(lower)
-};
+// The family of normal lobes: what a mixture asks of a family, each of its lobes being a product of two densities, one along
+// theta and one along phi. `Density` is one of them, prepared; with z = (x - mean) rate it is
+//     height rate under / mass times its part of together(along(z_theta), along(z_phi)),
+// and both members and functions serve numbers, array types and packs.
+//
+// A normal truncated to [lo, hi], its mean inside or at most one sigma outside: there the difference of two erf keeps its
+// precision.
+struct NormalLobes {
+    template <class Float> struct Density {
+        Float mean, rate, width;  // width = sqrt 2 sigma, rate = 1 / width
+        Float low, mass, under;   // low/under is erf at the lower end, mass/under erf(upper) - erf(lower)
 
-// Not Fine: for the density alone.
-template <bool Fine = true, class Float>
-CUTICLE_INLINE CentralNormal<Float> central_normal(const Float &mean, const Float &sigma, const Float &lo, const Float &hi) {
-    const Float rate = Float(sqrt_half<double>) / sigma;
-    const math::Quotient<Float> a = math::erf_end<true, Fine>(Float((lo - mean) * rate));
-    const math::Quotient<Float> b = math::erf_end<false, Fine>(Float((hi - mean) * rate));
-    const Float low = a.over * b.under;
-    return {mean, rate, Float(2 * sqrt_half<double>) * sigma, low, b.over * a.under - low, a.under * b.under};
-}
+        // `use` of each member, of one or of several densities side by side.
+        template <class Use, class... Densities> CUTICLE_INLINE static auto each(const Use &use, const Densities &...d) {
+            return Density<decltype(use(d.mean...))>{use(d.mean...), use(d.rate...), use(d.width...),
+                                                     use(d.low...),  use(d.mass...), use(d.under...)};
+        }
+    };
 
-template <class Float> CUTICLE_HD Float central_norm(const CentralNormal<Float> &d) {
-    return Float(two_over_sqrt_pi<double>) * d.rate * d.under / d.mass;
-}
+    static constexpr double height = two_over_sqrt_pi<double>;
+    static constexpr double deviation = sqrt_half<double>;  // sigma rate
 
-template <class Float> CUTICLE_HD Float central_cdf(const CentralNormal<Float> &d, const Float &x) {
-    return math::clamp(Float((math::erf(Float((x - d.mean) * d.rate)) * d.under - d.low) / d.mass), Float(0), Float(1));
-}
-
-// The inverse on [lo, hi]. Single precision: near the ends of the normal, where erf is all but ±1, what lies beyond x is
-// told from the near end of the interval, erfc there and the share of the mass in between.
-template <class Float>
-CUTICLE_INLINE Float central_icdf(const CentralNormal<Float> &d, const Float &u, const Float &lo, const Float &hi) {
-    const Float p = (d.low + u * d.mass) / d.under;
-    if constexpr (std::is_same_v<scalar_t<Float>, float>) {
-        return d.mean + d.width * math::erfinv_single(p, [&](const Float &) {
-                            const auto lower = p < Float(0);
-                            const Float end =
-                                math::max(Float(select(lower, Float(d.mean - lo), Float(hi - d.mean)) * d.rate), Float(0));
-                            const Float beyond =
-                                math::erfc_single(end) + select(lower, u, Float(Float(1) - u)) * (d.mass / d.under);
-                            return Float(-math::log(math::max(Float(beyond * (Float(2) - beyond)), Float(5e-17))));
-                        });
-    } else {
-        return d.mean + d.width * math::erfinv(p);
+    // Not Fine: for the density alone.
+    template <bool Fine = true, class Float>
+    CUTICLE_INLINE static Density<Float> make(const Float &mean, const Float &sigma, const Float &lo, const Float &hi) {
+        const Float rate = Float(deviation) / sigma;
+        const math::Quotient<Float> a = math::erf_end<true, Fine>(Float((lo - mean) * rate));
+        const math::Quotient<Float> b = math::erf_end<false, Fine>(Float((hi - mean) * rate));
+        const Float low = a.over * b.under;
+        return {mean, rate, Float(2 * sqrt_half<double>) * sigma, low, b.over * a.under - low, a.under * b.under};
     }
-}
+
+    // The density's shape along one coordinate; and of both in two steps, so that one exp serves them.
+    template <class Float> CUTICLE_INLINE static Float shape(const Float &z) { return math::decay(Float(-z * z)); }
+    template <class Float> CUTICLE_INLINE static Float along(const Float &z) { return z * z; }
+    template <class Float> CUTICLE_INLINE static Float together(const Float &theta, const Float &phi) {
+        return math::decay(Float(-(theta + phi)));
+    }
+    // -d ln(shape) / dz, of which a fit's derivatives are made.
+    template <class Float> CUTICLE_HD static Float fall(const Float &z) { return Float(2) * z; }
+
+    // Divisions that can be done before a lobe is chosen; and what they leave of `under`, known where it is read.
+    template <class Float> CUTICLE_INLINE static void divide(Density<Float> &d) {
+        d.low = d.low / d.under;
+        d.mass = d.mass / d.under;
+    }
+    template <class Float> CUTICLE_INLINE static Density<Float> divided(const Density<Float> &d) {
+        return {d.mean, d.rate, d.width, d.low, d.mass, Float(1)};
+    }
+
+    template <class Float> CUTICLE_HD static Float cdf(const Density<Float> &d, const Float &x) {
+        const Float p = math::erf(Float((x - d.mean) * d.rate));
+        return math::clamp(Float((p * d.under - d.low) / d.mass), Float(0), Float(1));
+    }
+    // The inverse on [lo, hi]. Single precision: near the ends of the normal, where erf is all but ±1, what lies beyond x is
+    // told from the near end of the interval, erfc there and the share of the mass in between.
+    template <class Float>
+    CUTICLE_INLINE static Float icdf(const Density<Float> &d, const Float &u, const Float &lo, const Float &hi) {
+        const Float p = (d.low + u * d.mass) / d.under;
+        if constexpr (std::is_same_v<scalar_t<Float>, float>) {
+            return d.mean + d.width * math::erfinv_single(p, [&](const Float &) {
+                                const auto lower = p < Float(0);
+                                const Float end = math::max(
+                                    Float(select(lower, Float(d.mean - lo), Float(hi - d.mean)) * d.rate), Float(0));
+                                const Float beyond =
+                                    math::erfc_single(end) + select(lower, u, Float(Float(1) - u)) * (d.mass / d.under);
+                                return Float(-math::log(math::max(Float(beyond * (Float(2) - beyond)), Float(5e-17))));
+                            });
+        } else {
+            return d.mean + d.width * math::erfinv(p);
+        }
+    }
+};
 
 // The normal of any mean and any sigma > 0 truncated to [lo, hi]. Where the mean lies more than a sigma
 // outside, everything is told relative to the density at the near end, with erfcx: no under- or overflow,
 // however far the mean.
 template <class Float> struct TruncatedNormal {
     Float lo, hi;
-    CentralNormal<Float> central;
+    NormalLobes::Density<Float> central;
     Float near, sign;  // the end next to the mean, and the direction from it into the interval
     Float z_near;      // its distance to the mean in units of 1/rate
     Float erfcx_near, tail_far, tail_mass;
@@ -66,7 +98,7 @@ template <class Float> struct TruncatedNormal {
         : lo(lo_), hi(hi_) {
         const Float below = lo - mean, above = mean - hi;
         in_tail = math::max(below, above) > sigma;
-        central = central_normal(Float(select(in_tail, Float(Float(.5) * (lo + hi)), mean)), sigma, lo, hi);
+        central = NormalLobes::make(Float(select(in_tail, Float(Float(.5) * (lo + hi)), mean)), sigma, lo, hi);
         near = select(below > above, lo, hi);
         sign = select(below > above, Float(1), Float(-1));
         z_near = math::max(Float(math::max(below, above) * central.rate), Float(0));
@@ -78,10 +110,11 @@ template <class Float> struct TruncatedNormal {
     CUTICLE_HD Float pdf(const Float &x) const {
         const Float z = (x - central.mean) * central.rate;
         const Float d = sign * (x - near) * central.rate;
-        const Float density = select(in_tail,
-                                     Float(Float(two_over_sqrt_pi<Float>) * central.rate / tail_mass *
-                                           math::decay(Float(-d * (z_near + z_near + d)))),
-                                     Float(central_norm(central) * math::decay(Float(-z * z))));
+        const Float density = select(
+            in_tail,
+            Float(Float(two_over_sqrt_pi<Float>) * central.rate / tail_mass *
+                  math::decay(Float(-d * (z_near + z_near + d)))),
+            Float(Float(NormalLobes::height) * central.rate * central.under / central.mass * math::decay(Float(-z * z))));
         return select(x < lo, Float(0), select(x > hi, Float(0), density));
     }
 
@@ -89,7 +122,7 @@ template <class Float> struct TruncatedNormal {
         const Float x = math::clamp(x_, lo, hi);
         const Float inside = (erfcx_near - scaled_tail(Float(sign * (x - near) * central.rate))) / tail_mass;
         const Float tail = select(sign > Float(0), inside, Float(Float(1) - inside));
-        return math::clamp(Float(select(in_tail, tail, central_cdf(central, x))), Float(0), Float(1));
+        return math::clamp(Float(select(in_tail, tail, NormalLobes::cdf(central, x))), Float(0), Float(1));
     }
 
     CUTICLE_HD Float icdf(const Float &u_) const {
@@ -105,7 +138,7 @@ template <class Float> struct TruncatedNormal {
             d = math::clamp(Float(d - excess * e / Float(two_over_sqrt_pi<Float>)), Float(0), length);
         }
         const Float tail = near + sign * d / central.rate;
-        return math::clamp(Float(select(in_tail, tail, central_icdf(central, u, lo, hi))), lo, hi);
+        return math::clamp(Float(select(in_tail, tail, NormalLobes::icdf(central, u, lo, hi))), lo, hi);
     }
 
   private:
@@ -118,33 +151,6 @@ template <class Float> struct TruncatedNormal {
 // Longitudinal lobe: a normal in theta truncated to [-pi/2, pi/2]; densities per radian of theta.
 template <class Float> CUTICLE_HD TruncatedNormal<Float> longitudinal_normal(const Float &mean, const Float &sigma) {
     return {mean, sigma, Float(-half_pi<Float>), Float(half_pi<Float>)};
-}
-
-// The cdf on [-pi, pi], from -pi, of a density around the circle. `own(d)` is the probability that lies between the
-// lobe's seam, mean - pi, and mean + d.
-template <class Float, class Own> CUTICLE_HD Float periodic_cdf(const Own &own, const Float &mean, const Float &phi) {
-    const Float x = math::clamp(phi, Float(-pi<Float>), Float(pi<Float>));
-    const Float start = math::wrap_angle(Float(Float(-pi<Float>) - mean)), d = math::wrap_angle(Float(x - mean));
-    const Float turned = select(d < start, Float(1), Float(0));  // past the lobe's own seam
-    return select(x < Float(pi<Float>), math::clamp(Float(own(d) - own(start) + turned), Float(0), Float(1)), Float(1));
-}
-
-// Its inverse, given the inverse of `own`.
-template <class Float, class Own, class OwnInverse>
-CUTICLE_HD Float periodic_icdf(const Own &own, const OwnInverse &inverse, const Float &mean, const Float &u) {
-    const Float x = u + own(math::wrap_angle(Float(Float(-pi<Float>) - mean)));
-    const Float phi = math::wrap_angle(Float(mean + inverse(Float(x - math::floor(x)))));
-    return select(u > Float(0), phi, Float(-pi<Float>));
-}
-
-// The same for a density of |phi| with either sign alike: `half(x)` is the probability of |phi| < x.
-template <class Float, class Half> CUTICLE_HD Float even_cdf(const Half &half, const Float &phi) {
-    const Float x = math::clamp(phi, Float(-pi<Float>), Float(pi<Float>));
-    return Float(.5) + math::copysign(Float(Float(.5) * half(Float(math::abs(x)))), x);
-}
-template <class Float, class HalfInverse> CUTICLE_HD Float even_icdf(const HalfInverse &inverse, const Float &u) {
-    const Float v = Float(2) * u - Float(1);
-    return math::copysign(inverse(Float(math::abs(v))), v);
 }
 
 // Azimuthal lobe on the circle: a normal truncated to the one period centred on its mean.

@@ -11,8 +11,8 @@
 #define CUTICLE_SCATTERING_CHIANG_H
 
 #include "cuticle/math/logistic.h"
+#include "cuticle/sampler/sample.h"
 #include "cuticle/scattering/marschner.h"
-#include "cuticle/sampler/sampler.h"
 
 namespace cuticle {
 

@@ -128,13 +128,13 @@ CUTICLE_HD void add_surroundings(const DualScatteringModel<Scalar, Memory> &mode
     const Float shift = exact ? Float(light.count * a.alpha_f) : Float(0);
     const Float density = Float(model.d_f) * (exact ? Float(1) : Float(model.d_f));  // printed twice: T_f holds one
     const Float share = density * light.through;
-    LongitudinalLanes<Float, lobe_count + 2> lanes;
+    LongitudinalParts<Float, lobe_count + 2> parts;
     for (int p = 0; p < lobe_count; ++p)
-        lanes.set(p, Float(Float(model.fibre.alpha[p]) + shift),
+        parts.set(p, Float(Float(model.fibre.alpha[p]) + shift),
                   Float(Float(model.fibre.beta[p] * model.fibre.beta[p]) + spread));
-    lanes.set(lobe_count, Float(a.back_shift + shift), Float(back_variance + spread));
-    lanes.set(lobe_count + 1, a.back_shift, back_variance);
-    const auto m = lanes.at(form, theta_i, theta_r);
+    parts.set(lobe_count, Float(a.back_shift + shift), Float(back_variance + spread));
+    parts.set(lobe_count + 1, a.back_shift, back_variance);
+    const auto m = parts.at(form, theta_i, theta_r);
     for (int p = 0; p < lobe_count; ++p)
         if (lobes & (1 << p)) t.weight[spread_rows][p] = share * m[p];
     t.constant = back * (light.lit * m[lobe_count + 1] + share * Float(exact ? 1. : pi<double>) * m[lobe_count]);

@@ -8,7 +8,7 @@
 #ifndef CUTICLE_SCATTERING_FUNCTION_TABLE_H
 #define CUTICLE_SCATTERING_FUNCTION_TABLE_H
 
-#include "cuticle/sampler/sampler.h"
+#include "cuticle/sampler/strand_counts.h"
 
 namespace cuticle {
 

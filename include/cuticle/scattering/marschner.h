@@ -9,7 +9,7 @@
 
 #include "cuticle/scattering/azimuthal.h"
 #include "cuticle/scattering/longitudinal.h"
-#include "cuticle/simd/pack_math.h"
+#include "cuticle/simd/several.h"
 
 namespace cuticle {
 
@@ -35,17 +35,17 @@ template <class Float> struct AzimuthalTerms {
     Float weight[2][lobe_count], constant;
 };
 
-// Longitudinal parts for several shifts and variances side by side: one vector of single precision.
-template <class Float, int Count> struct LongitudinalLanes {
-    static constexpr int lanes = !std::is_same_v<Float, float> ? Count : Count <= 4 ? 4 : 8;
-    Pack<Float, lanes> alpha{0}, variance{1};
+// Shifts and variances of several longitudinal parts; these at one pair of inclinations.
+template <class Float, int Count> struct LongitudinalParts {
+    Several<Float, Count> alpha{0}, variance{1};
 
     CUTICLE_HD void set(int i, const Float &shift, const Float &width) {
         alpha.set(i, shift);
         variance.set(i, width);
     }
-    CUTICLE_HD Pack<Float, lanes> at(Longitudinal form, const Float &theta_i, const Float &theta_r) const {
-        return longitudinal(form, Pack<Float, lanes>(theta_i), Pack<Float, lanes>(theta_r), alpha, variance);
+    CUTICLE_HD Several<Float, Count> at(Longitudinal form, const Float &theta_i, const Float &theta_r) const {
+        using All = Several<Float, Count>;
+        return longitudinal(form, All(theta_i), All(theta_r), alpha, variance);
     }
 };
 
@@ -58,9 +58,9 @@ CUTICLE_HD void marschner_terms(const FibreLobes<Scalar> &fibre, const Float &th
         terms[c].constant = Float(0);
     }
     if (!(lobes & (mask_r | mask_tt | mask_trt))) return;
-    LongitudinalLanes<Float, lobe_count> lanes;
-    for (int p = 0; p < lobe_count; ++p) lanes.set(p, Float(fibre.alpha[p]), Float(fibre.beta[p] * fibre.beta[p]));
-    const auto m = lanes.at(fibre.form, theta_i, theta_r);
+    LongitudinalParts<Float, lobe_count> parts;
+    for (int p = 0; p < lobe_count; ++p) parts.set(p, Float(fibre.alpha[p]), Float(fibre.beta[p] * fibre.beta[p]));
+    const auto m = parts.at(fibre.form, theta_i, theta_r);
     for (int c = 0; c < channels; ++c)
         for (int p = 0; p < lobe_count; ++p)
             if (lobes & (1 << p)) terms[c].weight[direct_rows][p] = m[p];

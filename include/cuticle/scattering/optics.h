@@ -57,7 +57,7 @@ CUTICLE_HD Float attenuation(int p, const CrossSection<Float> &ray, const Float 
 
 // Azimuth phi_p(h) = 2 p gamma_t - 2 gamma_i + p pi at which lobe p leaves (unwrapped).
 template <class Float> CUTICLE_HD Float exit_azimuth(int p, const CrossSection<Float> &ray) {
-    return Float(2 * p) * ray.gamma_t - Float(2) * ray.gamma_i + Float(p) * pi<Float>;
+    return Float(2 * p) * ray.gamma_t - Float(2) * ray.gamma_i + Float(p * pi<double>);
 }
 
 }  // namespace cuticle

@@ -58,8 +58,6 @@ template <class T, int N, int B> struct PackMask {
     typename detail::Chunk<T, Pack<T, N, B>::width>::Mask m[Pack<T, N, B>::chunks];
 };
 
-template <class T, int N, int B> inline constexpr bool is_pack<Pack<T, N, B>> = true;
-
 // Integers side by side: where lanes read a table. Worked on by whole chunks: what is written in parts and read whole waits.
 template <int N> struct PackIndex {
     static constexpr int width = detail::chunk_width<std::int32_t, N, CUTICLE_VECTOR_BYTES>();
@@ -114,6 +112,18 @@ template <class T, int N, int B> struct ArrayTraits<Pack<T, N, B>> {
                 found |= ArrayTraits<T>::any(chunk);
         return found;
     }
+    // Steps are taken by all lanes, and kept by those that still go. State tells its members, in their order, to apply(use).
+    template <class State, class Condition, class Body>
+    static CUTICLE_INLINE void loop(State &state, const Condition &condition, const Body &body) {
+        for (;;) {
+            const auto going = condition(state);
+            if (!any(going)) return;
+            State next = state;
+            body(next);
+            state.apply(
+                [&](auto &...now) { next.apply([&](const auto &...then) { ((now = select(going, then, now)), ...); }); });
+        }
+    }
 };
 
 #define CUTICLE_PACK_BINARY(op)                                                                \
@@ -143,6 +153,14 @@ CUTICLE_PACK_COMPARE(>)
 CUTICLE_PACK_COMPARE(<=)
 CUTICLE_PACK_COMPARE(>=)
 #undef CUTICLE_PACK_COMPARE
+
+template <class T, int N, int B>
+CUTICLE_INLINE PackMask<T, N, B> operator&(const PackMask<T, N, B> &a, const PackMask<T, N, B> &b) {
+    PackMask<T, N, B> r;
+    CUTICLE_UNROLL
+    for (int i = 0; i < Pack<T, N, B>::chunks; ++i) r.m[i] = a.m[i] & b.m[i];
+    return r;
+}
 
 template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> operator-(const Pack<T, N, B> &a) {
     Pack<T, N, B> r;

@@ -39,8 +39,8 @@ CUTICLE_INLINE auto chunk_min(const NativeChunk<16>::Single &a, const NativeChun
 
 }  // namespace detail
 
-// All here is found from cuticle::math by argument-dependent lookup, as an array type's own functions are.
-template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> pack_max(const Pack<T, N, B> &a, const Pack<T, N, B> &b) {
+// All here is found from cuticle::math by argument-dependent lookup, as any array type's own functions are.
+template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> max(const Pack<T, N, B> &a, const Pack<T, N, B> &b) {
     Pack<T, N, B> r;
     CUTICLE_UNROLL
     for (int i = 0; i < Pack<T, N, B>::chunks; ++i)
@@ -48,7 +48,7 @@ template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> pack_max(const Pac
         else r.v[i] = math::max(a.v[i], b.v[i]);
     return r;
 }
-template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> pack_min(const Pack<T, N, B> &a, const Pack<T, N, B> &b) {
+template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> min(const Pack<T, N, B> &a, const Pack<T, N, B> &b) {
     Pack<T, N, B> r;
     CUTICLE_UNROLL
     for (int i = 0; i < Pack<T, N, B>::chunks; ++i)
@@ -77,7 +77,7 @@ CUTICLE_INLINE Pack<float, N, B> round_power(const Pack<float, N, B> &t, Pack<fl
     return power;
 }
 
-template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> pack_decay(const Pack<T, N, B> &x) {
+template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> decay(const Pack<T, N, B> &x) {
     if constexpr (std::is_same_v<T, float> && CUTICLE_NATIVE_PACK) return math::decay_single(x);
     Pack<T, N, B> r;
     for (int i = 0; i < N; ++i) r.set(i, math::decay(x[i]));
@@ -110,14 +110,22 @@ template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> log(const Pack<T, 
     for (int i = 0; i < N; ++i) r.set(i, math::log(x[i]));
     return r;
 }
-template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> exp(const Pack<T, N, B> &x) {
+
+#define CUTICLE_PACK_FUNCTION(name)                                                              \
+    template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> name(const Pack<T, N, B> &x) { \
+        Pack<T, N, B> r;                                                                         \
+        for (int i = 0; i < N; ++i) r.set(i, math::name(x[i]));                                  \
+        return r;                                                                                \
+    }
+CUTICLE_PACK_FUNCTION(exp)
+CUTICLE_PACK_FUNCTION(sqrt)
+CUTICLE_PACK_FUNCTION(asin)
+CUTICLE_PACK_FUNCTION(erf)
+CUTICLE_PACK_FUNCTION(erfc)
+#undef CUTICLE_PACK_FUNCTION
+template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> atan2(const Pack<T, N, B> &y, const Pack<T, N, B> &x) {
     Pack<T, N, B> r;
-    for (int i = 0; i < N; ++i) r.set(i, math::exp(x[i]));
-    return r;
-}
-template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> sqrt(const Pack<T, N, B> &x) {
-    Pack<T, N, B> r;
-    for (int i = 0; i < N; ++i) r.set(i, math::sqrt(x[i]));
+    for (int i = 0; i < N; ++i) r.set(i, math::atan2(y[i], x[i]));
     return r;
 }
 template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> abs(const Pack<T, N, B> &x) {
@@ -149,17 +157,6 @@ template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> cos(const Pack<T, 
         return math::sin_single(P(P(half_pi<T>) - abs(math::nearest_turn(x))));
     P r;
     for (int i = 0; i < N; ++i) r.set(i, math::cos(x[i]));
-    return r;
-}
-
-template <class T, int N, int B> CUTICLE_INLINE math::Quotient<Pack<T, N, B>> pack_erf(const Pack<T, N, B> &x) {
-    if constexpr (std::is_same_v<T, float> && CUTICLE_NATIVE_PACK) return math::erf_single(x);
-    math::Quotient<Pack<T, N, B>> r;
-    for (int i = 0; i < N; ++i) {
-        const math::Quotient<T> q = math::erf_quotient(x[i]);
-        r.over.set(i, q.over);
-        r.under.set(i, q.under);
-    }
     return r;
 }
 
