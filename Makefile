@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
-NATIVE := $(wildcard src/native/* include/cuticle/* plugins/mitsuba/*) CMakeLists.txt pyproject.toml
+NATIVE := $(wildcard src/native/* include/cuticle/* include/cuticle/*/* plugins/mitsuba/*) CMakeLists.txt pyproject.toml
 
 .PHONY: demo test lint format bench docs pictures clean
 .DELETE_ON_ERROR:

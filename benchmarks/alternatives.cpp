@@ -114,16 +114,6 @@ void add_fitted(std::vector<Case> &cases, const Lobes &l, Inputs<float> &f, Inpu
                          return double(f.out[0][7]);
                      },
                      {}});
-    if (K == 4 && l.rows == 1)  // what setting up costs smaller arrays
-        for (const std::size_t size : {1024, 4096})
-            cases.push_back({name + " batch pdf by " + std::to_string(size),
-                             [&f, table, strands, size] {
-                                 for (std::size_t i = 0; i < inputs; i += size)
-                                     cuticle::pdf_batch(table, size, f.theta_i.data() + i, f.theta_r.data() + i,
-                                                        f.phi.data() + i, &strands, false, f.out[0].data() + i);
-                                 return double(f.out[0][7]);
-                             },
-                             {}});
     if (l.rows > 1) {  // a number of strands each, whole ones from 0 to 8
         std::vector<float> counts(f.u[3]);
         for (float &n : counts) n = std::floor(9 * n);

@@ -172,8 +172,6 @@ def tell_costs(costs: dict[str, float]) -> None:
     out.print(table)
     each = [costs[f"K=4, n=2 each {what}"] / unit for what in ("pdf", "sample")]
     out.print(f"K=4, batch with 0 to 8 strands, a number each: pdf {each[0]:.2f}, sample {each[1]:.2f}")
-    small = ", ".join(f"{costs[f'K=4 batch pdf by {n}'] / unit:.2f} by {n:,}" for n in (1024, 4096))
-    out.print(f"K=4, batch pdf in smaller arrays: {small}")
 
 
 def picture(results: list[dict[str, object]], path: Path) -> None:

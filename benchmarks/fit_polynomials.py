@@ -1,4 +1,4 @@
-"""Print the single-precision approximations of include/cuticle/math.h and erf.h: minimax in relative error.
+"""Print the single-precision approximations of include/cuticle/math/functions.h and erf.h: minimax in relative error.
 
 erf as x P(x²)/Q(x²) on |x| ≤ 4 and, coarser, 3.7, erfc as exp(-x²) t P(t) with t = 1/(1 + x/2), the tail of erfinv, exp on
 ±½ ln 2, log as r P(r) with r = m - 1 for m from √½ to √2, and sin on [0, pi/2], each by least squares, reweighted where the

@@ -50,7 +50,7 @@ def test_pdf_integrates_to_one_at_every_viewer(document_fit: cuticle.Fit) -> Non
 
 @pytest.mark.parametrize("strands", [0.0, 0.4, 1.0, 3.0, 30.0])
 def test_arrays_of_one_number_of_strands_in_single_precision(strands: float, document_fit: cuticle.Fit) -> None:
-    """From 1,024 viewers on by way of a row's polynomials; conformance's tolerance."""
+    """By lanes, of which one row serves all; conformance's tolerance."""
     rng = np.random.default_rng(7)
     directions = rng.uniform([[-1.5], [-1.5], [-3.1]], [[1.5], [1.5], [3.1]], (3, 5003)).astype(np.float32)
     single = document_fit.sampler.pdf(*directions, np.float32(strands))

@@ -1,25 +1,38 @@
-// The whole core.
+// The whole core. A folder includes what stands above it here, never what stands below:
+//   math        functions of a number or of an array type, angles
+//   simd        packs: numbers side by side in the compiler's vectors
+//   sampler     the densities of lobes, their mixture, the table they run through, arrays of directions
+//   scattering  what fibres do to light
+//   groom       strands in space
 #ifndef CUTICLE_CUTICLE_H
 #define CUTICLE_CUTICLE_H
 
-#include "cuticle/angles.h"
-#include "cuticle/azimuthal.h"
-#include "cuticle/batch.h"
-#include "cuticle/chiang.h"
-#include "cuticle/density_grid.h"
-#include "cuticle/dual_scattering.h"
-#include "cuticle/erf.h"
-#include "cuticle/lanes.h"
-#include "cuticle/lobe.h"
-#include "cuticle/lobes.h"
-#include "cuticle/logistic.h"
-#include "cuticle/longitudinal.h"
-#include "cuticle/marschner.h"
-#include "cuticle/math.h"
-#include "cuticle/multiple_scattering.h"
-#include "cuticle/optics.h"
-#include "cuticle/row.h"
-#include "cuticle/sampler.h"
-#include "cuticle/tabulated.h"
+#include "cuticle/math/angles.h"
+#include "cuticle/math/erf.h"
+#include "cuticle/math/functions.h"
+#include "cuticle/math/logistic.h"
+
+#include "cuticle/simd/lanes.h"
+#include "cuticle/simd/pack.h"
+#include "cuticle/simd/pack_math.h"
+#include "cuticle/simd/several.h"
+
+#include "cuticle/sampler/batch.h"
+#include "cuticle/sampler/lobe_table.h"
+#include "cuticle/sampler/lobes.h"
+#include "cuticle/sampler/logistic.h"
+#include "cuticle/sampler/normal.h"
+#include "cuticle/sampler/sampler.h"
+
+#include "cuticle/scattering/azimuthal.h"
+#include "cuticle/scattering/chiang.h"
+#include "cuticle/scattering/dual_scattering.h"
+#include "cuticle/scattering/function_table.h"
+#include "cuticle/scattering/longitudinal.h"
+#include "cuticle/scattering/marschner.h"
+#include "cuticle/scattering/multiple_scattering.h"
+#include "cuticle/scattering/optics.h"
+
+#include "cuticle/groom/density_grid.h"
 
 #endif  // CUTICLE_CUTICLE_H

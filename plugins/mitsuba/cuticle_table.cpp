@@ -1,6 +1,6 @@
-// Mitsuba's BSDF `cuticle_table`: any other scattering function, as the table that exports carry (cuticle/tabulated.h): of a
-// strand alone and, where it is known, of one among others. Python (cuticle.mitsuba) makes the tables and registers
-// `cuticle`.
+// Mitsuba's BSDF `cuticle_table`: any other scattering function, as the table that exports carry
+// (cuticle/scattering/function_table.h): of a strand alone and, where it is known, of one among others. Python
+// (cuticle.mitsuba) makes the tables and registers `cuticle`.
 #include "hair_bsdf.h"
 
 #include <vector>

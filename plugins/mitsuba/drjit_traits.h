@@ -6,7 +6,7 @@
 #include <drjit/math.h>
 #include <drjit/while_loop.h>
 
-#include "cuticle/math.h"
+#include "cuticle/math/functions.h"
 
 namespace cuticle {
 

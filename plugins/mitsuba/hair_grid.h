@@ -13,7 +13,7 @@
 #include <string_view>
 #include <vector>
 
-#include "cuticle/density_grid.h"
+#include "cuticle/groom/density_grid.h"
 #include "mixture.h"
 
 namespace cuticle_mitsuba {

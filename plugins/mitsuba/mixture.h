@@ -9,7 +9,7 @@
 
 #include <stdexcept>
 
-#include "cuticle/sampler.h"
+#include "cuticle/sampler/sampler.h"
 #include "variants.h"
 
 namespace cuticle_mitsuba {

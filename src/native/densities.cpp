@@ -1,7 +1,7 @@
 // The one-dimensional densities over arrays.
 #include "arrays.h"
 #include "bindings.h"
-#include "cuticle/lobe.h"
+#include "cuticle/sampler/normal.h"
 
 namespace native {
 namespace {

@@ -5,27 +5,34 @@
 // r = (q - p)/√p, so minimising 1/ESS itself is a least-squares problem.
 #include "arrays.h"
 #include "bindings.h"
+#include "families.h"
 
-#include "cuticle/lobe.h"
-#include "cuticle/lobes.h"
+#include "cuticle/sampler/lobes.h"
 
+#include <nanobind/stl/string.h>
+
+#include <string>
 #include <vector>
 
 namespace native {
 namespace {
 
-// One lobe's density along one coordinate at `count` points, and its derivatives by mean and sigma.
-void normal_with_derivatives(double mean, double sigma, double lo, double hi, const double *x, std::size_t count,
-                             double *value, double *by_mean, double *by_sigma) {
-    const auto d = cuticle::central_normal(mean, sigma, lo, hi);
-    const double norm = cuticle::central_norm(d);
-    const double za = (lo - mean) / sigma, zb = (hi - mean) / sigma;
-    const double fa = norm * std::exp(-.5 * za * za), fb = norm * std::exp(-.5 * zb * zb);  // density at the ends
+// One lobe's density along one coordinate at `count` points, and its derivatives by mean and sigma. With z = (x - mean) rate
+// and s the family's shape the density is rate s(z) over ∫ s dz from one end to the other; ends that move with the mean, as
+// a period's do, add nothing to its derivative.
+template <class Family>
+void with_derivatives(double mean, double sigma, double lo, double hi, bool moving, const double *x, std::size_t count,
+                      double *value, double *by_mean, double *by_sigma) {
+    const auto d = Family::make(mean, sigma, lo, hi);
+    const double norm = cuticle::density_norm<Family>(d), rate = d.rate;
+    const double za = (lo - mean) * rate, zb = (hi - mean) * rate;
+    const double fa = norm * Family::shape(za), fb = norm * Family::shape(zb);  // density at the ends
+    const double from_ends = moving ? 0 : fb - fa;
     for (std::size_t i = 0; i < count; ++i) {
-        const double z = (x[i] - mean) / sigma;
-        value[i] = norm * std::exp(-.5 * z * z);
-        by_mean[i] = value[i] * (z / sigma + fb - fa);
-        by_sigma[i] = value[i] * ((z * z - 1) / sigma + zb * fb - za * fa);
+        const double z = (x[i] - mean) * rate, fall = Family::fall(z);
+        value[i] = norm * Family::shape(z);
+        by_mean[i] = value[i] * (fall * rate + from_ends);
+        by_sigma[i] = value[i] * ((fall * z - 1) / sigma + (zb * fb - za * fa) / Family::deviation);
     }
 }
 
@@ -48,6 +55,7 @@ constexpr Parameter products[] = {{cuticle::lobe_weight, value_of, value_of},
 //
 // Each parameter's derivative is a product of a function of theta and one of phi, of which there are only 3 K, so the
 // sums over phi are made once for those 3 K and spread over the P parameters row by row.
+template <class Family>
 void normal_equations(const In<double> &q, const In<double> &theta, const In<double> &theta_weight, const In<double> &phi,
                       const In<double> &phi_weight, const In<double> &parameters, bool even, Out<double> loss,
                       Out<double> gradient, Out<double> hessian) {
@@ -67,18 +75,15 @@ void normal_equations(const In<double> &q, const In<double> &theta, const In<dou
                 const auto part = [&](std::vector<double> &of, Factor factor, std::size_t points) {
                     return &of[(factor * lobes + k) * points];
                 };
-                normal_with_derivatives(x[cuticle::lobe_mean_theta * lobes + k], x[cuticle::lobe_sigma_theta * lobes + k],
-                                        -cuticle::half_pi<double>, cuticle::half_pi<double>, thetas, na,
-                                        part(t, value_of, na), part(t, by_mean, na), part(t, by_sigma, na));
+                with_derivatives<Family>(x[cuticle::lobe_mean_theta * lobes + k], x[cuticle::lobe_sigma_theta * lobes + k],
+                                         -cuticle::half_pi<double>, cuticle::half_pi<double>, false, thetas, na,
+                                         part(t, value_of, na), part(t, by_mean, na), part(t, by_sigma, na));
                 const double mean = x[cuticle::lobe_mean_phi * lobes + k], sigma = x[cuticle::lobe_sigma_phi * lobes + k];
                 const double pi = cuticle::pi<double>;
                 for (std::size_t b = 0; b < nb_; ++b)
                     wrapped[b] = even ? phis[b] : mean + cuticle::math::wrap_angle(phis[b] - mean);
-                normal_with_derivatives(mean, sigma, even ? 0 : mean - pi, even ? pi : mean + pi, wrapped.data(), nb_,
-                                        part(f, value_of, nb_), part(f, by_mean, nb_), part(f, by_sigma, nb_));
-                if (!even)  // the period moves with the mean: its ends add nothing
-                    for (std::size_t b = 0; b < nb_; ++b)
-                        part(f, by_mean, nb_)[b] = part(f, value_of, nb_)[b] * (wrapped[b] - mean) / (sigma * sigma);
+                with_derivatives<Family>(mean, sigma, even ? 0 : mean - pi, even ? pi : mean + pi, !even, wrapped.data(),
+                                         nb_, part(f, value_of, nb_), part(f, by_mean, nb_), part(f, by_sigma, nb_));
             }
             for (std::size_t m = 0; derivatives && m < kinds; ++m)
                 for (std::size_t b = 0; b < nb_; ++b) by_point[b * kinds + m] = f[m * nb_ + b];
@@ -145,6 +150,19 @@ void normal_equations(const In<double> &q, const In<double> &theta, const In<dou
 
 }  // namespace
 
-void bind_fit(nb::module_ &m) { m.def("normal_equations", &normal_equations, nb::call_guard<nb::gil_scoped_release>()); }
+void bind_fit(nb::module_ &m) {
+    m.def(
+        "normal_equations",
+        [](const In<double> &q, const In<double> &theta, const In<double> &theta_weight, const In<double> &phi,
+           const In<double> &phi_weight, const In<double> &parameters, bool even, Out<double> loss, Out<double> gradient,
+           Out<double> hessian, const std::string &family) {
+            with_family(family, [&](auto lobes) {
+                normal_equations<decltype(lobes)>(q, theta, theta_weight, phi, phi_weight, parameters, even, loss, gradient,
+                                                  hessian);
+            });
+        },
+        nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(),
+        nb::arg("family") = "normal", nb::call_guard<nb::gil_scoped_release>());
+}
 
 }  // namespace native

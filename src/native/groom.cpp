@@ -1,7 +1,7 @@
 // Hair density grids: built from strands, and counted along rays.
 #include "arrays.h"
 #include "bindings.h"
-#include "cuticle/density_grid.h"
+#include "cuticle/groom/density_grid.h"
 
 #include <array>
 #include <cstdint>

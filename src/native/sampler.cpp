@@ -1,13 +1,15 @@
 // The sampler over arrays, in single and double precision.
 #include "arrays.h"
 #include "bindings.h"
-#include "cuticle/batch.h"
+#include "cuticle/sampler/batch.h"
+#include "families.h"
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdint>
 #include <mutex>
+#include <string>
 #include <vector>
 
 namespace native {
@@ -47,9 +49,9 @@ double uniform_cost(const In<float> &u) {
 }
 
 // A table of K lobes: K is one of the sizes compiled below, the caller pads with lobes of weight 0.
-template <class Float, int K> struct Table {
+template <class Float, int K, class Family> struct Table {
     std::vector<Float> nodes, energy, strands;
-    cuticle::LobeTable<Float, K> view;
+    cuticle::LobeTable<Float, K, const Float *, Family> view;
 
     Table(const In<double> &nodes_, const In<double> &energy_, const In<double> &strands_, bool even)
         : nodes(nodes_.data(), nodes_.data() + nodes_.size()),
@@ -92,39 +94,18 @@ template <class Float, int K> struct Table {
         });
     }
 
-    // `row`: told once, for all threads.
-    template <class Row, class Broadcast>
-    static void by_row(const Row &row, const Broadcast &theta_i, const Broadcast &theta_r, const Broadcast &phi,
-                       Out<Float> out) {
-        blocks(out.size(), [&](std::size_t begin, std::size_t count) {
-            Float x[3][block];
-            for (std::size_t i = 0; i < count; ++i)
-                x[0][i] = theta_i[begin + i], x[1][i] = theta_r[begin + i], x[2][i] = phi[begin + i];
-            row.pdf(count, x[0], x[1], x[2], out.data() + begin);
-        });
-    }
-
     void pdf(const In<Float> &theta_i, const In<Float> &theta_r, const In<Float> &phi, const In<Float> &n,
              Out<Float> out) const {
         const auto ti = broadcast(theta_i), ph = broadcast(phi);
         if (in_lanes(theta_r, n)) {
             const auto tr = broadcast(theta_r), ns = broadcast(n);
-#if CUTICLE_NATIVE_SHUFFLE
-            if constexpr (std::is_same_v<Float, float>) {
-                using Row = cuticle::detail::RowDensities<K>;
-                if (n.size() == 1) {
-                    const auto row = cuticle::locate_row(view, n.data()[0]);
-                    if (Row::serves(view, row, out.size())) return by_row(Row(view, row), ti, tr, ph, out);
-                }
-            }
-#endif
             blocks(out.size(), [&](std::size_t begin, std::size_t count) {
                 Float x[4][block];
                 for (std::size_t i = 0; i < count; ++i) {
                     const std::size_t j = begin + i;
                     x[0][i] = ti[j], x[1][i] = tr[j], x[2][i] = ph[j], x[3][i] = ns[j];
                 }
-                cuticle::pdf_batch(view, count, x[0], x[1], x[2], x[3], true, out.data() + begin);
+                cuticle::pdf_batch(view, count, x[0], x[1], x[2], x[3], n.size() > 1, out.data() + begin);
             });
             return;
         }
@@ -141,7 +122,7 @@ template <class Float, int K> struct Table {
                     const Float *r = u.data() + 3 * (begin + i);
                     x[0][i] = tr[begin + i], x[1][i] = r[0], x[2][i] = r[1], x[3][i] = r[2], x[4][i] = ns[begin + i];
                 }
-                cuticle::sample_batch(view, count, x[0], x[1], x[2], x[3], x[4], true, theta_i.data() + begin,
+                cuticle::sample_batch(view, count, x[0], x[1], x[2], x[3], x[4], n.size() > 1, theta_i.data() + begin,
                                       phi.data() + begin, p.data() + begin);
             });
             return;
@@ -179,13 +160,13 @@ template <class Float, int K> struct Table {
     // The lobes at one theta_r: out (2, lobe_parameters, K), those of `second` with weight 0 where there is no blend.
     void mixture(Float theta_r, Float n, Out<Float> out) const {
         const auto s = cuticle::prepare(view, theta_r, n);
-        const auto write = [&](const cuticle::Lobes<Float, K> &l, Float share, Float *to) {
+        const auto write = [&](const cuticle::Lobes<Float, K, Family> &l, Float share, Float *to) {
             for (int k = 0; k < K; ++k) {
                 to[cuticle::lobe_weight * K + k] = share * l.weight[k];
                 to[cuticle::lobe_mean_theta * K + k] = l.theta(k).mean;
-                to[cuticle::lobe_sigma_theta * K + k] = cuticle::sqrt_half<Float> / l.theta(k).rate;
+                to[cuticle::lobe_sigma_theta * K + k] = Float(Family::deviation) / l.theta(k).rate;
                 to[cuticle::lobe_mean_phi * K + k] = l.phi(k).mean;
-                to[cuticle::lobe_sigma_phi * K + k] = cuticle::sqrt_half<Float> / l.phi(k).rate;
+                to[cuticle::lobe_sigma_phi * K + k] = Float(Family::deviation) / l.phi(k).rate;
             }
         };
         std::fill(out.data(), out.data() + out.size(), Float(0));
@@ -194,16 +175,25 @@ template <class Float, int K> struct Table {
     }
 };
 
-template <class Float, int K> void bind(nb::module_ &m, const char *name) {
-    using T = Table<Float, K>;
+template <class Float, int K, class Family> void bind(nb::module_ &m, const std::string &ending) {
+    using T = Table<Float, K, Family>;
     using release = nb::call_guard<nb::gil_scoped_release>;
-    nb::class_<T>(m, name)
+    nb::class_<T>(m, ("Table" + std::to_string(K) + ending).c_str())
         .def(nb::init<const In<double> &, const In<double> &, const In<double> &, bool>())
         .def("pdf", &T::pdf, release())
         .def("sample", &T::sample, release())
         .def("sample_cost", &T::sample_cost, release())
         .def("lobe", &T::lobe, release())
         .def("mixture", &T::mixture, release());
+}
+
+template <class Float, class Family> void bind_sizes(nb::module_ &m, const std::string &ending) {
+    bind<Float, 1, Family>(m, ending);
+    bind<Float, 2, Family>(m, ending);
+    bind<Float, 4, Family>(m, ending);
+    bind<Float, 8, Family>(m, ending);
+    bind<Float, 16, Family>(m, ending);
+    bind<Float, 32, Family>(m, ending);
 }
 
 // The first value outside [lo, hi] (a NaN is), or -1. Half-open on the right if asked.
@@ -266,18 +256,15 @@ long histogram(const In<Float> &theta, const In<Float> &phi, const In<double> &t
 }  // namespace
 
 void bind_sampler(nb::module_ &m) {
-    bind<float, 1>(m, "Table1f");
-    bind<float, 2>(m, "Table2f");
-    bind<float, 4>(m, "Table4f");
-    bind<float, 8>(m, "Table8f");
-    bind<float, 16>(m, "Table16f");
-    bind<float, 32>(m, "Table32f");
-    bind<double, 1>(m, "Table1d");
-    bind<double, 2>(m, "Table2d");
-    bind<double, 4>(m, "Table4d");
-    bind<double, 8>(m, "Table8d");
-    bind<double, 16>(m, "Table16d");
-    bind<double, 32>(m, "Table32d");
+    // Table4f, Table4d, …; another family's with its name behind: Table4f_logistic.
+    nb::list names;
+    each_family([&](const char *name, auto family) {
+        const std::string ending = nb::len(names) ? std::string("_") + name : std::string();
+        bind_sizes<float, decltype(family)>(m, "f" + ending);
+        bind_sizes<double, decltype(family)>(m, "d" + ending);
+        names.append(name);
+    });
+    m.attr("lobe_families") = nb::tuple(names);
     m.def("kernel_cost", &kernel_cost, nb::call_guard<nb::gil_scoped_release>());
     m.def("uniform_cost", &uniform_cost, nb::call_guard<nb::gil_scoped_release>());
     m.def("histogram", &histogram<float>, nb::arg().noconvert(), nb::arg().noconvert(), nb::arg(), nb::arg(), nb::arg(),

@@ -100,7 +100,7 @@ template <class Float> int run() {
 
 namespace {
 
-// The single-precision functions against the library's in double, to the errors that math.h states.
+// The single-precision functions against the library's in double, to the errors that the headers state.
 int approximations() {
     double decay = 0, erf = 0, log = 0;
     for (int i = 1; i <= 200000; ++i) {

@@ -32,7 +32,12 @@ __all__ = ["FRAMES", "HOSTS", "Export", "amalgamate", "export"]
 HOSTS = ("cpp", "cuda", "glsl", "hlsl", "json", "web")
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _RESERVED = {"cuticle", "std", "main"}
-_ROOTS = {"dual": ["dual_scattering.h"], "strand": ["marschner.h"], "chiang": ["chiang.h"], "table": ["tabulated.h"]}
+_ROOTS = {
+    "dual": "scattering/dual_scattering.h",
+    "strand": "scattering/marschner.h",
+    "chiang": "scattering/chiang.h",
+    "table": "scattering/function_table.h",
+}
 MAX_TABLE = 16 * 1024  # bytes: what every OpenGL ES 3.0 device takes as a block
 
 
@@ -198,7 +203,7 @@ def environment() -> jinja2.Environment:
 def _cpp(
     sampler: Sampler, tables: FibreTables | FunctionTable | None, frame: Frame, name: str, about: list[str], *, cuda: bool
 ) -> Export:
-    roots = ["angles.h", "batch.h", *(_ROOTS[tables.kind] if tables is not None else [])]
+    roots = ["math/angles.h", "sampler/batch.h", *([_ROOTS[tables.kind]] if tables is not None else [])]
     nodes = sampler.padded_nodes.astype(np.float32)
     energy = sampler.energy.astype(np.float32)
     text = environment().get_template("sampler.h.j2").render(

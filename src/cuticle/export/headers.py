@@ -10,7 +10,7 @@ from cuticle import _core
 from cuticle._support.files import read_text
 from cuticle._support.version import __version__
 
-_OWN = re.compile(r'^#include "cuticle/([a-z_]+\.h)"\n', re.MULTILINE)
+_OWN = re.compile(r'^#include "cuticle/([a-z_/]+\.h)".*\n', re.MULTILINE)
 _STANDARD = re.compile(r"^#include (<[a-z]+>)\n", re.MULTILINE)
 
 
@@ -33,7 +33,7 @@ def amalgamate(roots: Iterable[str] = ("cuticle.h",)) -> str:
     Parameters
     ----------
     roots
-        Names in include/cuticle.
+        Names in include/cuticle, such as "math/erf.h".
     """
     bodies: dict[str, str] = {}
     standard: set[str] = set()
@@ -51,4 +51,4 @@ def amalgamate(roots: Iterable[str] = ("cuticle.h",)) -> str:
         visit(root)
     notice = f"// Cuticle {__version__}, the core: importance samplers for hair fibres. BSD-3-Clause, the Cuticle authors.\n"
     includes = "\n".join(f"#include {name}" for name in sorted(standard))
-    return notice + includes + "\n\n" + "\n\n".join(bodies.values()) + "\n"
+    return notice + includes + "\n\n" + "\n\n".join(filter(None, bodies.values())) + "\n"

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-# The order of include/cuticle/lobes.h: both coordinates of a kind side by side.
+# The order of include/cuticle/sampler/lobes.h: both coordinates of a kind side by side.
 PARAMETERS = ("weight", "mean_theta", "mean_phi", "sigma_theta", "sigma_phi")
 WEIGHT, MEAN_THETA, MEAN_PHI, SIGMA_THETA, SIGMA_PHI = range(5)
 MAX_LOBES = 32

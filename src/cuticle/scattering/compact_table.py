@@ -35,7 +35,7 @@ _REACHES = (0.1, 2.0, 3.0, 4.0, 5.0)
 
 @dataclass(frozen=True, eq=False)
 class FunctionTable:
-    """A scattering function on a grid, as include/cuticle/tabulated.h reads it.
+    """A scattering function on a grid, as include/cuticle/scattering/function_table.h reads it.
 
     Attributes
     ----------

@@ -1,0 +1,127 @@
+// The error function, its inverse and its complement, for float, double and array types.
+#ifndef CUTICLE_MATH_ERF_H
+#define CUTICLE_MATH_ERF_H
+
+#include "cuticle/math/functions.h"
+
+namespace cuticle {
+namespace math {
+
+// A division put off, so that several become one.
+template <class T> struct Quotient {
+    T over, under;
+};
+
+// erf in single precision: x P(x²)/Q(x²) on |x| <= erf_limit, our own minimax fits (benchmarks/fit_polynomials.py). Fine:
+// relative error 3e-8 before rounding, 4e-7 with it, so at most 1 + 2e-7. The other one has a coefficient less and 1.4e-7
+// before rounding: enough for a norm, but not for a cdf that is inverted near its ends.
+template <bool Fine> inline constexpr float erf_limit = Fine ? 4.f : 3.7f;
+template <bool Fine, class T> CUTICLE_INLINE Quotient<T> erf_held(const T &x) {
+    const T t = x * x;
+    if constexpr (Fine) {
+        const T p = polynomial(t, T(1.98677e-6f), T(2.84569745e-4f), T(3.88347404e-3f), T(5.31021431e-2f), T(.193547979f),
+                               T(1.12837911f));
+        const T q =
+            polynomial(t, T(3.74202609e-5f), T(1.1856046e-3f), T(1.52075076e-2f), T(.115351215f), T(.504859984f), T(1.f));
+        return {x * p, q};
+    } else {
+        const T p = polynomial(t, T(2.48201453e-4f), T(6.68660458e-3f), T(6.11835495e-2f), T(.2715922f), T(1.12837899f));
+        const T q =
+            polynomial(t, T(1.51734121e-5f), T(1.68678479e-3f), T(2.08148323e-2f), T(.145586446f), T(.574021041f), T(1.f));
+        return {x * p, q};
+    }
+}
+template <class T> CUTICLE_INLINE Quotient<T> erf_single(const T &x) {
+    return erf_held<true>(clamp(x, T(-erf_limit<true>), T(erf_limit<true>)));
+}
+
+template <class T> CUTICLE_INLINE Quotient<T> erf_quotient(const T &x) {
+    if constexpr (std::is_same_v<scalar_t<T>, float>) {
+        return erf_single(x);
+    } else {
+        using std::erf;
+        return {erf(x), T(1)};
+    }
+}
+
+// At the ends of an interval about a mean: what is known to lie well below the limit at the lower one, or above it at the
+// upper one, is held from one side.
+template <bool Lower, bool Fine, class T> CUTICLE_INLINE Quotient<T> erf_end(const T &x) {
+    if constexpr (std::is_same_v<scalar_t<T>, float>)
+        return erf_held<Fine>(Lower ? max(x, T(-erf_limit<Fine>)) : min(x, T(erf_limit<Fine>)));
+    else return erf_quotient(x);
+}
+
+template <class T> CUTICLE_INLINE T erf(const T &x) {
+    const Quotient<T> q = erf_quotient(x);
+    return q.over / q.under;
+}
+
+// The inverse of erf to single precision, by way of w = -ln(1 - p²) as M. Giles, "Approximating the erfinv function" (2010);
+// his polynomial where |p| <= .9966. Beyond, `far(w)` may know w better than p tells it, and a polynomial of √w of our own
+// goes on to w = 38 (benchmarks/fit_polynomials.py).
+template <class T, class Far> CUTICLE_INLINE T erfinv_single(const T &p, const Far &far) {
+    const T w = -math::log(max(T((T(1) - p) * (T(1) + p)), T(5e-17)));
+    // After Estrin, by half the wait of Horner's rule.
+    const T x = w - T(2.5), x2 = x * x, x4 = x2 * x2;
+    const T central = (T(2.81022636e-08) * x4 + polynomial(x2, T(T(3.43273939e-07) * x + T(-3.5233877e-06)),
+                                                           T(T(-4.39150654e-06) * x + T(0.00021858087)))) *
+                          x4 +
+                      polynomial(x2, T(T(-0.00125372503) * x + T(-0.00417768164)), T(T(0.246640727) * x + T(1.50140941)));
+    if (!ArrayTraits<T>::any(w > T(5))) return p * central;  // else rare
+    const T tail = polynomial(T(math::sqrt(max(T(far(w)), T(5))) - T(4)), T(-1.60476247e-06), T(1.94593467e-05),
+                              T(-6.70821682e-05), T(8.13514271e-05), T(-5.72178978e-05), T(.000271576137), T(-.000914475415),
+                              T(.00128535682), T(1.00950396), T(3.839782));
+    return p * select(w < T(5), central, tail);
+}
+template <class T> CUTICLE_INLINE T erfinv_single(const T &p) {
+    return erfinv_single(p, [](const T &w) { return w; });
+}
+
+// exp(x²) erfc(x) for x >= 0 in single precision: t P(t), t = 1/(1 + x/2), relative error 7e-7 before rounding up to x = 8
+// (benchmarks/fit_polynomials.py).
+template <class T> CUTICLE_INLINE T erfcx_single(const T &x) {
+    const T t = T(1) / (T(1) + T(.5) * x);
+    const T c[] = {T(.0921253413f), T(-.370669425f), T(.408955753f), T(.0237087235f),
+                   T(.28692919f),   T(.276540101f),  T(.282409608f)};
+    return t * estrin(t, c);
+}
+template <class T> CUTICLE_INLINE T erfc_single(const T &x) { return math::decay(T(-x * x)) * erfcx_single(x); }
+
+// The same to the precision of the type: in double two Halley steps on erf. What rounding left outside [-1, 1] is taken for
+// the end (by erfinv_single's max, too).
+template <class T> CUTICLE_INLINE T erfinv(const T &p_) {
+    if constexpr (std::is_same_v<scalar_t<T>, float>) {
+        return erfinv_single(p_);
+    } else {
+        const T p = clamp(p_, T(-1), T(1));
+        T z = erfinv_single(p);
+        for (int step = 0; step < 2; ++step) {
+            const T e = (math::erf(z) - p) / (T(two_over_sqrt_pi<T>) * math::exp(T(-z * z)));
+            z = z - e / (T(1) + z * e);
+        }
+        return z;
+    }
+}
+
+template <class T> CUTICLE_HD T erfc(const T &x) {
+    using std::erfc;
+    return erfc(x);
+}
+
+// Scaled complementary error function exp(x²) erfc(x) for x >= 0: below 3 the polynomial or, in double precision, the
+// product, both of whose factors are far from under- and overflow; else the continued fraction of erfc (DLMF 7.9.3), from
+// its tail.
+template <class T> CUTICLE_HD T erfcx(const T &x) {
+    const T small = min(x, T(3)), large = max(x, T(3));
+    T tail = large;
+    for (int k = 40; k >= 1; --k) tail = large + T(.5 * k) / tail;
+    tail = T(0.56418958354775628695) / tail;
+    if constexpr (std::is_same_v<scalar_t<T>, float>) return select(x < T(3), erfcx_single(small), tail);
+    else return select(x < T(3), T(math::exp(T(small * small)) * math::erfc(small)), tail);
+}
+
+}  // namespace math
+}  // namespace cuticle
+
+#endif  // CUTICLE_MATH_ERF_H

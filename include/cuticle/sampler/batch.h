@@ -1,0 +1,233 @@
+// The sampler over arrays: directions side by side in the lanes of a vector, through the same lines as a single one.
+// Fast where the compiler has vectors (GCC, Clang; float); elsewhere a plain loop.
+#ifndef CUTICLE_SAMPLER_BATCH_H
+#define CUTICLE_SAMPLER_BATCH_H
+
+#include "cuticle/sampler/sampler.h"
+
+namespace cuticle {
+
+namespace detail {
+
+// A lobe in every lane, along theta and along phi.
+template <class Family, bool Fine = true, class Lanes>
+CUTICLE_INLINE DensityOf<Family, Lanes> make_theta(const Lanes &mean, const Lanes &sigma) {
+    const Lanes pole(half_pi<double>);
+    return Family::template make<Fine>(mean, sigma, Lanes(-pole), pole);
+}
+template <class Family, bool Fine = true, class Lanes>
+CUTICLE_INLINE DensityOf<Family, Lanes> make_phi(const Lanes &mean, const Lanes &sigma, bool even) {
+    const Lanes turn(pi<double>);
+    return Family::template make<Fine>(mean, sigma, even ? Lanes(0) : Lanes(mean - turn), even ? turn : Lanes(mean + turn));
+}
+
+// One lobe's density, each of its numbers in every lane: lobe by lobe all stays in registers.
+template <class Lanes, class Family> struct LaneLobe {
+    Lanes weight, scale;
+    DensityOf<Family, Lanes> theta, phi;
+
+    LaneLobe() = default;
+    template <int K>
+    CUTICLE_INLINE LaneLobe(const LobeValues<Lanes, K> &values, int k, bool even)
+        : weight(values.weight[k]),
+          theta(make_theta<Family, false>(values.mean[k], values.sigma[k])),
+          phi(make_phi<Family, false>(values.mean[K + k], values.sigma[K + k], even)) {
+        scale = lobe_scale<Family>(weight, Lanes(theta.rate * phi.rate), Lanes(theta.mass * phi.mass),
+                                   Lanes(theta.under * phi.under), even);
+    }
+
+    // In d theta_i d phi; `place` is |phi| for even lobes, and within half a turn of 0.
+    CUTICLE_INLINE Lanes density(const Lanes &theta_i, const Lanes &place, bool even) const {
+        const Lanes d = place - phi.mean;
+        const Lanes a = (theta_i - theta.mean) * theta.rate, b = (even ? d : short_way(d)) * phi.rate;
+        return scale * Family::together(Family::along(a), Family::along(b));
+    }
+};
+
+// What lanes do with a mixture that knows its `count`, whether it is `even`, and of each lobe `lobe(k)`, its `weight(k)`
+// and how to `choose` one.
+template <class Mixture, class Lanes> struct LaneSampler {
+    CUTICLE_INLINE Lanes pdf(const Lanes &theta_i, const Lanes &phi) const {
+        return per_steradian(density(theta_i, math::nearest_turn(phi)), theta_i);
+    }
+    CUTICLE_INLINE Sample<Lanes> sample(const Lanes &u_lobe, const Lanes &u_theta, const Lanes &u_phi) const {
+        // Scaled by the sum that is reached in this very order, as in Lobes::choose: never into a lobe of weight 0.
+        Lanes total = self().weight(0), below = Lanes(0);
+        for (int k = 1; k < self().count; ++k) total = total + self().weight(k);
+        const Lanes u = u_lobe * total;
+        const auto past = [&](int k) {  // asked for k = 1, 2, ... once each
+            below = k == 1 ? self().weight(0) : below + self().weight(k - 1);
+            return u >= below;
+        };
+        Sample<Lanes> s = draw(self().choose(past), u_theta, u_phi, self().even);
+        s.pdf = sample_per_steradian(density(s.theta_i, s.phi), s.theta_i);
+        return s;
+    }
+
+  private:
+    CUTICLE_INLINE const Mixture &self() const { return static_cast<const Mixture &>(*this); }
+    // In d theta_i d phi, at an azimuth within half a turn of 0.
+    CUTICLE_INLINE Lanes density(const Lanes &theta_i, const Lanes &wrapped) const {
+        const bool even = self().even;
+        const Lanes place = even ? math::abs(wrapped) : wrapped;
+        Lanes total = Lanes(0);
+        for (int k = 0; k < self().count; ++k) total = total + self().lobe(k).density(theta_i, place, even);
+        return total;
+    }
+};
+
+// The lobes of a mixture, made one by one as they are asked for.
+template <class Lanes, int K, class Family> struct LaneMixture : LaneSampler<LaneMixture<Lanes, K, Family>, Lanes> {
+    static constexpr int count = K;
+    const LobeValues<Lanes, K> &values;
+    bool even;
+
+    CUTICLE_INLINE LaneMixture(const LobeValues<Lanes, K> &values_, bool even_) : values(values_), even(even_) {}
+    CUTICLE_INLINE LaneLobe<Lanes, Family> lobe(int k) const { return {values, k, even}; }
+    CUTICLE_INLINE const Lanes &weight(int k) const { return values.weight.v[k]; }
+    // Its mean and sigma alone wait for the choice.
+    template <class Choice> CUTICLE_INLINE ChosenLobe<Lanes, Family> choose(const Choice &past) const {
+        Lanes mean[2] = {values.mean[0], values.mean[K]}, sigma[2] = {values.sigma[0], values.sigma[K]};
+        for (int k = 1; k < K; ++k) {
+            const auto mask = past(k);
+            for (int i = 0; i < 2; ++i) {
+                mean[i] = select(mask, values.mean[i * K + k], mean[i]);
+                sigma[i] = select(mask, values.sigma[i * K + k], sigma[i]);
+            }
+        }
+        return {make_theta<Family>(mean[0], sigma[0]), make_phi<Family>(mean[1], sigma[1], even)};
+    }
+};
+
+// The lobes of one shading point; a blend of two mixtures is one mixture of all their lobes.
+template <class Lanes, class T, int K, class Family> struct LanePoint : LaneSampler<LanePoint<Lanes, T, K, Family>, Lanes> {
+    LaneLobe<Lanes, Family> lobes[2 * K];
+    int count;
+    bool even;
+
+    CUTICLE_INLINE explicit LanePoint(const PreparedSampler<T, K, Family> &sampler)
+        : count(sampler.blended ? 2 * K : K), even(sampler.first.even) {
+        for (int k = 0; k < K; ++k) {
+            set(lobes[k], sampler.first, k, sampler.share);
+            if (sampler.blended) set(lobes[K + k], sampler.second, k, sampler.rest);
+        }
+    }
+    CUTICLE_INLINE const LaneLobe<Lanes, Family> &lobe(int k) const { return lobes[k]; }
+    CUTICLE_INLINE const Lanes &weight(int k) const { return lobes[k].weight; }
+    template <class Choice> CUTICLE_INLINE ChosenLobe<Lanes, Family> choose(const Choice &past) const {
+        ChosenLobe<Lanes, Family> chosen{lobes[0].theta, lobes[0].phi};
+        for (int k = 1; k < count; ++k) chosen = select_lobe(past(k), {lobes[k].theta, lobes[k].phi}, chosen);
+        return chosen;
+    }
+
+  private:
+    struct Spread {
+        CUTICLE_INLINE Lanes operator()(const T &x) const { return Lanes(x); }
+    };
+    CUTICLE_INLINE static void set(LaneLobe<Lanes, Family> &to, const Lobes<T, K, Family> &from, int k, const T &share) {
+        to.weight = Lanes(from.weight[k] * share);
+        to.scale = Lanes(from.scale[k] * share);
+        to.theta = DensityOf<Family, Lanes>::each(Spread{}, from.theta(k));
+        to.phi = DensityOf<Family, Lanes>::each(Spread{}, from.phi(k));
+    }
+};
+
+// body(first, how many, mixture at their viewers and numbers of strands) for groups that fill the lanes.
+template <class T, int K, class Family, class Body>
+CUTICLE_INLINE void each_group(const LobeTable<T, K, const T *, Family> &table, std::size_t count, const T *theta_r,
+                               const T *strands, bool each, const Body &body) {
+    using Lanes = BatchLanes<T>;
+    const RowPosition<T> all = locate_row(table, each ? T(0) : strands[0]);
+    if (!each && !is_blended(table, all))  // one row serves all lanes
+        return groups<Lanes>(count, [&](std::size_t i, int n) {
+            const LobeValues<Lanes, K> values = values_at(table, locate_theta(table, read<Lanes>(theta_r + i, n)), all);
+            body(i, n, LaneMixture<Lanes, K, Family>(values, table.even));
+        });
+    groups<Lanes>(count, [&](std::size_t i, int n) {
+        const ThetaPosition<Lanes> at = locate_theta(table, read<Lanes>(theta_r + i, n));
+        const RowPosition<Lanes> rows = locate_row(table, each ? read<Lanes>(strands + i, n) : Lanes(strands[0]));
+        if (is_blended(table, rows)) return body(i, n, prepare_blended(table, at, rows));
+        const LobeValues<Lanes, K> values = values_at(table, at, rows);
+        body(i, n, LaneMixture<Lanes, K, Family>(values, table.even));
+    });
+}
+
+}  // namespace detail
+
+// pdf of `count` directions in 1/sr. Structure of arrays; `strands` is one number for all or, with `each`, an array. What is
+// written overlaps nothing that is read.
+template <class T, int K, class Family>
+void pdf_batch(const LobeTable<T, K, const T *, Family> &table, std::size_t count, const T *theta_i, const T *theta_r,
+               const T *phi, const T *strands, bool each, T *out) {
+    if constexpr (CUTICLE_NATIVE_PACK && std::is_same_v<T, float>) {
+        using Lanes = BatchLanes<T>;
+        detail::each_group(table, count, theta_r, strands, each, [&](std::size_t i, int n, const auto &mixture) {
+            const auto get = [&](const T *from) { return detail::read<Lanes>(from + i, n); };
+            detail::write(mixture.pdf(get(theta_i), get(phi)), out + i, n);
+        });
+    } else {
+        for (std::size_t i = 0; i < count; ++i)
+            out[i] = pdf(table, theta_i[i], theta_r[i], phi[i], each ? strands[i] : strands[0]);
+    }
+}
+
+// `count` samples with their pdf.
+template <class T, int K, class Family>
+void sample_batch(const LobeTable<T, K, const T *, Family> &table, std::size_t count, const T *theta_r, const T *u_lobe,
+                  const T *u_theta, const T *u_phi, const T *strands, bool each, T *theta_i, T *phi, T *density) {
+    if constexpr (CUTICLE_NATIVE_PACK && std::is_same_v<T, float>) {
+        using Lanes = BatchLanes<T>;
+        detail::each_group(table, count, theta_r, strands, each, [&](std::size_t i, int n, const auto &mixture) {
+            const auto get = [&](const T *from) { return detail::read<Lanes>(from + i, n); };
+            const Sample<Lanes> s = mixture.sample(get(u_lobe), get(u_theta), get(u_phi));
+            detail::write(s.theta_i, theta_i + i, n);
+            detail::write(s.phi, phi + i, n);
+            detail::write(s.pdf, density + i, n);
+        });
+    } else {
+        for (std::size_t i = 0; i < count; ++i) {
+            const Sample<T> s = sample(table, theta_r[i], u_lobe[i], u_theta[i], u_phi[i], each ? strands[i] : strands[0]);
+            theta_i[i] = s.theta_i, phi[i] = s.phi, density[i] = s.pdf;
+        }
+    }
+}
+
+// The same for directions of one shading point, `sampler` prepared for it: nothing is looked up again.
+template <class T, int K, class Family>
+void pdf_batch(const PreparedSampler<T, K, Family> &sampler, std::size_t count, const T *theta_i, const T *phi, T *out) {
+    if constexpr (CUTICLE_NATIVE_PACK && std::is_same_v<T, float>) {
+        using Lanes = BatchLanes<T>;
+        const detail::LanePoint<Lanes, T, K, Family> point(sampler);
+        detail::groups<Lanes>(count, [&](std::size_t i, int n) {
+            const auto get = [&](const T *from) { return detail::read<Lanes>(from + i, n); };
+            detail::write(point.pdf(get(theta_i), get(phi)), out + i, n);
+        });
+    } else {
+        for (std::size_t i = 0; i < count; ++i) out[i] = sampler.pdf(theta_i[i], phi[i]);
+    }
+}
+
+template <class T, int K, class Family>
+void sample_batch(const PreparedSampler<T, K, Family> &sampler, std::size_t count, const T *u_lobe, const T *u_theta,
+                  const T *u_phi, T *theta_i, T *phi, T *density) {
+    if constexpr (CUTICLE_NATIVE_PACK && std::is_same_v<T, float>) {
+        using Lanes = BatchLanes<T>;
+        const detail::LanePoint<Lanes, T, K, Family> point(sampler);
+        detail::groups<Lanes>(count, [&](std::size_t i, int n) {
+            const auto get = [&](const T *from) { return detail::read<Lanes>(from + i, n); };
+            const Sample<Lanes> s = point.sample(get(u_lobe), get(u_theta), get(u_phi));
+            detail::write(s.theta_i, theta_i + i, n);
+            detail::write(s.phi, phi + i, n);
+            detail::write(s.pdf, density + i, n);
+        });
+    } else {
+        for (std::size_t i = 0; i < count; ++i) {
+            const Sample<T> s = sampler.sample(u_lobe[i], u_theta[i], u_phi[i]);
+            theta_i[i] = s.theta_i, phi[i] = s.phi, density[i] = s.pdf;
+        }
+    }
+}
+
+}  // namespace cuticle
+
+#endif  // CUTICLE_SAMPLER_BATCH_H

@@ -1,0 +1,176 @@
+// The table that a sampler's lobes run through: its parameters at one theta_r and number of strands.
+#ifndef CUTICLE_SAMPLER_LOBE_TABLE_H
+#define CUTICLE_SAMPLER_LOBE_TABLE_H
+
+#include "cuticle/sampler/lobes.h"
+#include "cuticle/sampler/strand_counts.h"
+#include "cuticle/simd/lanes.h"
+
+namespace cuticle {
+
+// A view, owning nothing: nodes at theta_r = -pi/2 + i pi / (theta_nodes - 1), rows at increasing strand counts.
+// Memory is a pointer, or whatever ArrayTraits::gather takes; the strand counts lie where the code runs. The family's means
+// and sigmas they are, NormalLobes' or another's.
+template <class Scalar, int K, class Memory = const Scalar *, class Family = NormalLobes> struct LobeTable {
+    Memory nodes;           // [rows][theta_nodes][lobe_parameters][K]
+    Memory energy;          // [rows][theta_nodes]: ∫ f cos, what a row weighs against another
+    const Scalar *strands;  // [rows]
+    int rows, theta_nodes;
+    bool even;
+};
+
+// N values from `index` on, a lane each.
+template <class Float, int N, class Memory, class Index>
+CUTICLE_INLINE Pack<Float, N> load(const Memory &memory, const Index &index) {
+    if constexpr (std::is_same_v<Memory, const Float *>) {
+        return load_pack<Float, N>(memory + index);
+    } else {
+        Pack<Float, N> r;
+        for (int k = 0; k < N; ++k) r.set(k, ArrayTraits<Float>::gather(memory, Index(index + Index(k))));
+        return r;
+    }
+}
+
+// Where theta_r falls.
+template <class Float> struct ThetaPosition {
+    typename ArrayTraits<Float>::Index node;
+    Float t;  // fraction towards node + 1
+};
+
+template <class Float, class Scalar, int K, class Memory, class Family>
+CUTICLE_INLINE ThetaPosition<Float> locate_theta(const LobeTable<Scalar, K, Memory, Family> &table, const Float &theta_r) {
+    using Index = typename ArrayTraits<Float>::Index;
+    const Float last = Float(table.theta_nodes - 1);
+    // Just below the last node, so that there is one after it. In this order what is no number reads the first node, and
+    // stays none by its fraction.
+    const Float x = math::min(math::max(Float(0), Float((theta_r * Float(1 / pi<double>) + Float(.5)) * last)),
+                              Float(last * Float(1 - epsilon<Float>)));
+    const Index node = ArrayTraits<Float>::to_index(x);
+    return {node, Float((x - Float(node)) + Float(0) * theta_r)};
+}
+
+// Where the number of strands falls. From 0 strands to the first positive count the scattering function is a blend of two
+// different shapes, so there the sampler mixes the two rows' densities in proportion to their energies; further on the
+// rows' parameters are interpolated. One number for all lanes is a scalar.
+template <class Count> struct RowPosition {
+    typename ArrayTraits<Count>::Index row;
+    Count s;                              // fraction towards row + 1
+    decltype(Count(0) < Count(0)) blend;  // row 0 is for no strands, row 1 for some
+};
+
+template <class Count, class Scalar, int K, class Memory, class Family>
+CUTICLE_INLINE RowPosition<Count> locate_row(const LobeTable<Scalar, K, Memory, Family> &table, const Count &strands) {
+    const bool several = table.rows > 1, from_none = several && table.strands[0] == Scalar(0);
+    const CountInterval<Count> count = locate_count(table.strands, table.rows, strands);
+    const Count lo = count.low, hi = count.high;
+    const auto blend = strands < (from_none ? Count(table.strands[1]) : Count(0));
+    // A branch, not a division on the way to every load: counts are whole more often than not.
+    Count s = Count(0);
+    if (several && ArrayTraits<Count>::any(strands > lo)) {
+        const Count span = select(blend, math::min(hi, Count(1)), Count(hi - lo));
+        s = math::clamp(Count((strands - lo) / span), Count(0), Count(1));
+    }
+    return {count.row, s, blend};
+}
+
+// Whether any lane lies between no strands and the first count.
+template <class Count, class Scalar, int K, class Memory, class Family>
+CUTICLE_INLINE bool is_blended(const LobeTable<Scalar, K, Memory, Family> &table, const RowPosition<Count> &rows) {
+    using Traits = ArrayTraits<Count>;
+    const bool between = table.rows > 1 && Traits::any(rows.s > Count(0)) && Traits::any(rows.s < Count(1)) &&
+                         table.strands[0] == Scalar(0) && Traits::any(rows.blend);
+    if constexpr (std::is_arithmetic_v<Count>) return between;
+    else return between && Traits::any(select(rows.blend, Count(rows.s * (Count(1) - rows.s)), Count(0)) > Count(0));
+}
+
+// The parameters of K lobes, as they lie in the table.
+template <class Float, int K> struct LobeValues {
+    Pack<Float, K> weight;
+    Pack<Float, 2 * K> mean, sigma;
+
+    CUTICLE_INLINE LobeValues mix(const Float &t, const LobeValues &to) const {
+        const Pack<Float, 2 * K> t2(t);
+        return {weight + Pack<Float, K>(t) * (to.weight - weight), mean + t2 * (to.mean - mean),
+                sigma + t2 * (to.sigma - sigma)};
+    }
+};
+
+namespace detail {
+// The i-th of lanes' parameters, as they lie in the table.
+template <class Lanes, int K> CUTICLE_INLINE Lanes &parameter(LobeValues<Lanes, K> &values, int i) {
+    return i < K ? values.weight.v[i] : i < 3 * K ? values.mean.v[i - K] : values.sigma.v[i - 3 * K];
+}
+}  // namespace detail
+
+// What interpolate_theta does by gathering, by whole loads where lanes read one array of floats; false where it cannot.
+template <class Float, class Index, int K, class Memory>
+CUTICLE_INLINE bool interpolate_lanes(const Memory &, const Index &, const Float &, LobeValues<Float, K> &) {
+    return false;
+}
+template <int W, int B, int K>
+CUTICLE_INLINE bool interpolate_lanes(const float *const &data, const PackIndex<W> &first, const Pack<float, W, B> &t,
+                                      LobeValues<Pack<float, W, B>, K> &out) {
+#if CUTICLE_NATIVE_SHUFFLE
+    if constexpr ((W == 4 || W == 8 || W == 16) && Pack<float, W, B>::chunks == 1) {
+        constexpr std::make_integer_sequence<int, W> all;
+        constexpr int size = lobe_parameters * K, fours = (size + 3) / 4;
+        const auto start = [](int q) { return 4 * q < size - 4 ? 4 * q : size - 4; };  // the last may overlap the one before
+        const auto &s = t.v[0];
+        const detail::Quads<W> share[4] = {detail::pick<0, 0, 0, 0>(s, s, all), detail::pick<1, 1, 1, 1>(s, s, all),
+                                           detail::pick<2, 2, 2, 2>(s, s, all), detail::pick<3, 3, 3, 3>(s, s, all)};
+        detail::Quads<W> r[fours][4], turned[4];
+#pragma GCC unroll 4
+        for (int k = 0; k < 4; ++k)  // a lane's numbers lie side by side
+#pragma GCC unroll 8
+            for (int q = 0; q < fours; ++q) {
+                const auto a = detail::read_quads<W>(data + start(q), first.v + k);
+                r[q][k] = a + share[k] * (detail::read_quads<W>(data + size + start(q), first.v + k) - a);
+            }
+        for (int q = 0; q < fours; ++q) {
+            detail::turn_over<W>(r[q], turned);
+            for (int j = 0; j < 4; ++j) detail::parameter(out, start(q) + j).v[0] = turned[j];
+        }
+        return true;
+    }
+#endif
+    static_cast<void>(data), static_cast<void>(first), static_cast<void>(t), static_cast<void>(out);
+    return false;
+}
+
+template <class Float, class Scalar, int K, class Memory, class Family>
+CUTICLE_INLINE LobeValues<Float, K> interpolate_theta(const LobeTable<Scalar, K, Memory, Family> &table,
+                                                      const typename ArrayTraits<Float>::Index &row,
+                                                      const ThetaPosition<Float> &at) {
+    using Index = typename ArrayTraits<Float>::Index;
+    static_assert(lobe_weight == 0 && lobe_mean_theta == 1 && lobe_mean_phi == 2 && lobe_sigma_theta == 3);
+    constexpr int size = lobe_parameters * K;
+    const auto node = [&](const Index &i) {
+        return LobeValues<Float, K>{load<Float, K>(table.nodes, i),
+                                    load<Float, 2 * K>(table.nodes, Index(i + Index(lobe_mean_theta * K))),
+                                    load<Float, 2 * K>(table.nodes, Index(i + Index(lobe_sigma_theta * K)))};
+    };
+    const Index first = (row * Index(table.theta_nodes) + at.node) * Index(size);
+    LobeValues<Float, K> out;  // the one thing returned, here and below: lanes' values are too many to be copied
+    if (interpolate_lanes(table.nodes, first, at.t, out)) return out;
+    out = node(first).mix(at.t, node(Index(first + Index(size))));
+    return out;
+}
+
+// The lobes' parameters where no two rows' densities are mixed: on a row, the usual case, nothing else is touched.
+template <class Float, class Count, class Scalar, int K, class Memory, class Family>
+CUTICLE_INLINE LobeValues<Float, K> values_at(const LobeTable<Scalar, K, Memory, Family> &table,
+                                              const ThetaPosition<Float> &at, const RowPosition<Count> &rows) {
+    using Traits = ArrayTraits<Count>;
+    using Index = typename ArrayTraits<Float>::Index;
+    using Row = typename Traits::Index;
+    const bool on_lower = !Traits::any(rows.s > Count(0)), on_upper = !Traits::any(rows.s < Count(1));
+    const Row next = rows.row + Row(1);
+    LobeValues<Float, K> values = interpolate_theta(table, Index(on_upper ? next : rows.row), at);
+    if (!(table.rows == 1 || on_lower || on_upper))
+        values = values.mix(Float(rows.s), interpolate_theta(table, Index(next), at));
+    return values;
+}
+
+}  // namespace cuticle
+
+#endif  // CUTICLE_SAMPLER_LOBE_TABLE_H

@@ -1,0 +1,182 @@
+// A mixture of K product lobes at one viewer's inclination: what a sampler evaluates and draws from.
+#ifndef CUTICLE_SAMPLER_LOBES_H
+#define CUTICLE_SAMPLER_LOBES_H
+
+#include "cuticle/sampler/circle.h"
+#include "cuticle/sampler/normal.h"
+#include "cuticle/sampler/sample.h"
+#include "cuticle/simd/pack_math.h"
+
+namespace cuticle {
+
+// Means side by side and sigmas side by side: both coordinates are worked on as one pack.
+enum LobeParameter { lobe_weight, lobe_mean_theta, lobe_mean_phi, lobe_sigma_theta, lobe_sigma_phi, lobe_parameters };
+
+template <class Family, class Float> using DensityOf = typename Family::template Density<Float>;
+
+// What a density's shape along one coordinate is multiplied by.
+template <class Family, class Float> CUTICLE_HD Float density_norm(const DensityOf<Family, Float> &d) {
+    return Float(Family::height) * d.rate * d.under / d.mass;
+}
+
+// One lobe along theta and along phi.
+template <class Float, class Family = NormalLobes> struct ChosenLobe {
+    DensityOf<Family, Float> theta, phi;
+};
+
+namespace detail {
+template <class Mask> struct Select {
+    const Mask &mask;
+    template <class Float> CUTICLE_INLINE Float operator()(const Float &a, const Float &b) const {
+        return select(mask, a, b);
+    }
+};
+}  // namespace detail
+
+template <class Mask, class Float, class Family>
+CUTICLE_INLINE ChosenLobe<Float, Family> select_lobe(const Mask &mask, const ChosenLobe<Float, Family> &a,
+                                                     const ChosenLobe<Float, Family> &b) {
+    const detail::Select<Mask> use{mask};
+    return {DensityOf<Family, Float>::each(use, a.theta, b.theta), DensityOf<Family, Float>::each(use, a.phi, b.phi)};
+}
+
+// What a lobe's shape is multiplied by: its weight and the norms of both coordinates, given the products of their rates, of
+// their masses and of what these are over; an even lobe is shared by either sign. One division.
+template <class Family, class Set>
+CUTICLE_INLINE Set lobe_scale(const Set &weight, const Set &rates, const Set &masses, const Set &unders, bool even) {
+    return weight * rates * Set(Family::height * Family::height * (even ? .5 : 1.)) * unders / masses;
+}
+
+template <class Family, class Float> CUTICLE_INLINE Float invert_theta(const DensityOf<Family, Float> &d, const Float &u) {
+    // The float nearest to pi/2 lies past the pole: stay one ulp inside.
+    const Float limit = Float(half_pi<Float> * (1 - epsilon<Float>));
+    return math::clamp(Family::icdf(d, u, Float(-half_pi<Float>), Float(half_pi<Float>)), Float(-limit), limit);
+}
+// A periodic lobe is inverted from its own seam: any order of the circle serves a sample.
+template <class Family, class Float>
+CUTICLE_INLINE Float invert_phi(const DensityOf<Family, Float> &d, const Float &u, bool even) {
+    const auto inverse = [&](const Float &v, const Float &lo, const Float &hi) {
+        return math::clamp(Family::icdf(d, v, lo, hi), lo, hi);
+    };
+    if (even) return even_icdf([&](const Float &v) { return inverse(v, Float(0), Float(pi<Float>)); }, u);
+    return math::wrap_angle(inverse(u, Float(d.mean - Float(pi<Float>)), Float(d.mean + Float(pi<Float>))));
+}
+
+// One inverse a coordinate; the pdf is left to the mixture.
+template <class Float, class Family>
+CUTICLE_INLINE Sample<Float> draw(const ChosenLobe<Float, Family> &chosen, const Float &u_theta, const Float &u_phi,
+                                  bool even) {
+    return {invert_theta<Family>(chosen.theta, u_theta), invert_phi<Family>(chosen.phi, u_phi, even), Float(0)};
+}
+
+// Weights sum to 1; sigmas are positive; a mean lies in its domain or at most one sigma outside (the table is
+// held to it node by node, and linear interpolation keeps it), so that the family's densities serve.
+// Azimuth: `even` takes |phi| on [0, pi] (as EvenNormal does), else each lobe its own period (as PeriodicNormal), its mean
+// within ±2 pi.
+template <class Float, int K, class Family = NormalLobes> struct Lobes {
+    using Set = Pack<Float, K>;
+    using Both = Pack<Float, 2 * K>;  // theta's, then phi's
+    // A number's lobes lie in one vector, divided at once while nothing waits for them; of an array's lobes only the chosen
+    // one is divided.
+    static constexpr bool finished = std::is_arithmetic_v<Float>;
+    Set weight, scale;
+    DensityOf<Family, Both> both;
+    bool even;
+
+    CUTICLE_INLINE void set(const Set &weight_, const Both &mean, const Both &sigma, bool even_) {
+        weight = weight_;
+        even = even_;
+        const Set pole(half_pi<double>), turn(pi<double>), mean_phi = half<1>(mean);
+        const Set lo = even ? Set(0) : Set(mean_phi - turn), hi = even ? turn : Set(mean_phi + turn);
+        both = Family::make(mean, sigma, join(Set(-pole), lo), join(pole, hi));
+        const auto product = [](const Both &x) { return half<0>(x) * half<1>(x); };
+        scale = lobe_scale<Family>(weight, product(both.rate), product(both.mass), product(both.under), even);
+        if constexpr (finished) Family::divide(both);
+    }
+
+    CUTICLE_INLINE Float pdf(const Float &theta_i, const Float &phi_i) const {
+        return per_steradian(density(theta_i, math::nearest_turn(phi_i)), theta_i);
+    }
+
+    // In d theta_i d phi, at an azimuth within half a turn of 0.
+    CUTICLE_INLINE Float density(const Float &theta_i, const Float &wrapped) const {
+        Both d = join(Set(theta_i), Set(even ? math::abs(wrapped) : wrapped)) - both.mean;
+        if (!even) d = join(half<0>(d), short_way(half<1>(d)));
+        const Both shape = Family::along(Both(d * both.rate));
+        return sum(Set(scale * Family::together(half<0>(shape), half<1>(shape))));
+    }
+
+    // One lobe's cdf in theta_i (from -pi/2) and in phi (from -pi), and their inverses.
+    CUTICLE_HD Float cdf_theta(int k, const Float &x) const {
+        return Family::cdf(theta(k), math::clamp(x, Float(-half_pi<Float>), Float(half_pi<Float>)));
+    }
+    CUTICLE_HD Float icdf_theta(int k, const Float &u) const { return invert_theta<Family>(theta(k), u); }
+    CUTICLE_HD Float cdf_phi(int k, const Float &x) const {
+        const DensityOf<Family, Float> d = phi(k);
+        if (even) return even_cdf([&](const Float &y) { return Family::cdf(d, y); }, x);
+        return periodic_cdf([&](const Float &y) { return Family::cdf(d, Float(d.mean + y)); }, d.mean, x);
+    }
+    CUTICLE_HD Float icdf_phi(int k, const Float &u) const {
+        const DensityOf<Family, Float> d = phi(k);
+        if (even) return invert_phi<Family>(d, u, even);
+        return periodic_icdf([&](const Float &y) { return Family::cdf(d, Float(d.mean + y)); },
+                             [&](const Float &v) {
+                                 const Float turn = Float(pi<Float>);
+                                 return Float(Family::icdf(d, v, Float(d.mean - turn), Float(d.mean + turn)) - d.mean);
+                             },
+                             d.mean, u);
+    }
+
+    // The lobe that u in [0, 1) chooses, along both coordinates.
+    CUTICLE_INLINE ChosenLobe<Float, Family> choose(const Float &u_lobe) const {
+        Float below[K];
+        below[0] = weight[0];
+        for (int k = 1; k < K; ++k) below[k] = below[k - 1] + weight[k];
+        // Scaled by the sum that was reached: rounding never leads past the last lobe, nor into one of weight 0.
+        const Float u = u_lobe * below[K - 1];
+        if constexpr (std::is_arithmetic_v<Float> && !CUTICLE_DEVICE) {
+            int chosen = 0;
+            for (int k = 0; k + 1 < K; ++k) chosen += static_cast<int>(u >= below[k]);
+            return {theta(chosen), phi(chosen)};
+        } else {
+            ChosenLobe<Float, Family> chosen{theta(0), phi(0)};
+            for (int k = 1; k < K; ++k) chosen = select_lobe(u >= below[k - 1], {theta(k), phi(k)}, chosen);
+            return chosen;
+        }
+    }
+
+    CUTICLE_INLINE Sample<Float> sample(const Float &u_lobe, const Float &u_theta, const Float &u_phi) const {
+        Sample<Float> s = draw(choose(u_lobe), u_theta, u_phi, even);
+        s.pdf = sample_per_steradian(density(s.theta_i, s.phi), s.theta_i);
+        return s;
+    }
+
+    // One lobe along one coordinate.
+    CUTICLE_HD DensityOf<Family, Float> theta(int k) const { return one(k); }
+    CUTICLE_HD DensityOf<Family, Float> phi(int k) const { return one(K + k); }
+
+  private:
+    CUTICLE_INLINE DensityOf<Family, Float> one(int i) const {
+        const DensityOf<Family, Float> d = DensityOf<Family, Float>::each(Pick{i}, both);
+        if constexpr (finished) return Family::divided(d);
+        else return d;
+    }
+    // By way of memory, where a vector is laid down long before the choice is known: subscripted itself, it would wait for
+    // it.
+    struct Pick {
+        int i;
+        CUTICLE_INLINE Float operator()(const Both &x) const {
+            if constexpr (std::is_arithmetic_v<Float>) {
+                Float lanes[2 * K];
+                for (int c = 0; c < Both::chunks; ++c) std::memcpy(lanes + c * Both::width, &x.v[c], sizeof x.v[c]);
+                return lanes[i];
+            } else {
+                return x[i];
+            }
+        }
+    };
+};
+
+}  // namespace cuticle
+
+#endif  // CUTICLE_SAMPLER_LOBES_H

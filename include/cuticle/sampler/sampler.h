@@ -1,0 +1,104 @@
+// The sampler: lobes whose parameters run through a small table, linear in theta_r and in the number of strands,
+// so that neither the density nor a sample has a seam.
+#ifndef CUTICLE_SAMPLER_SAMPLER_H
+#define CUTICLE_SAMPLER_SAMPLER_H
+
+#include "cuticle/sampler/lobe_table.h"
+
+namespace cuticle {
+
+// The mixture for one theta_r and number of strands. Prepare once a shading point, then evaluate and draw.
+template <class Float, int K, class Family = NormalLobes> struct PreparedSampler {
+    Lobes<Float, K, Family> first, second;
+    Float share,
+        rest;      // of `first`, 1 nearly always, and of `second`: a difference from 1 would lose the digits of a small one
+    bool blended;  // whether `second` is other than `first`
+
+    CUTICLE_INLINE Float pdf(const Float &theta_i, const Float &phi) const {
+        const Float p = first.pdf(theta_i, phi);
+        if (!blended) return p;
+        return share * p + rest * second.pdf(theta_i, phi);
+    }
+
+    CUTICLE_INLINE Sample<Float> sample(const Float &u_lobe, const Float &u_theta, const Float &u_phi) const {
+        if (!blended) return first.sample(u_lobe, u_theta, u_phi);
+        const auto in_first = u_lobe < share;
+        // Below 1, whatever share and rest were rounded to: at 1 a lobe of weight 0 would be chosen.
+        const Float beyond =
+            math::min(Float((u_lobe - share) / math::max(rest, Float(smallest<Float>))), Float(1 - .5 * epsilon<Float>));
+        const Float u = select(in_first, Float(u_lobe / share), beyond);
+        Sample<Float> s = draw(select_lobe(in_first, first.choose(u), second.choose(u)), u_theta, u_phi, first.even);
+        s.pdf = pdf(s.theta_i, s.phi);
+        return s;
+    }
+};
+
+template <class Float, class Count, class Scalar, int K, class Memory, class Family>
+CUTICLE_INLINE Lobes<Float, K, Family> lobes_at(const LobeTable<Scalar, K, Memory, Family> &table,
+                                                const ThetaPosition<Float> &at, const RowPosition<Count> &rows) {
+    const LobeValues<Float, K> values = values_at(table, at, rows);
+    Lobes<Float, K, Family> lobes;
+    lobes.set(values.weight, values.mean, values.sigma, table.even);
+    return lobes;
+}
+
+template <class Float, class Scalar, int K, class Memory, class Family>
+CUTICLE_HD PreparedSampler<Float, K, Family> prepare_blended(const LobeTable<Scalar, K, Memory, Family> &table,
+                                                             const ThetaPosition<Float> &at,
+                                                             const RowPosition<Float> &rows) {
+    using Traits = ArrayTraits<Float>;
+    using Index = typename Traits::Index;
+    const LobeValues<Float, K> lower = interpolate_theta(table, rows.row, at);
+    const LobeValues<Float, K> upper = interpolate_theta(table, Index(rows.row + Index(1)), at);
+    const Index e = rows.row * Index(table.theta_nodes) + at.node, g = e + Index(table.theta_nodes);
+    const auto energy = [&](const Index &i) {
+        const Float a = Traits::gather(table.energy, i), b = Traits::gather(table.energy, Index(i + Index(1)));
+        return Float(a + at.t * (b - a));
+    };
+    const Float e0 = (Float(1) - rows.s) * energy(e), e1 = rows.s * energy(g);
+    const LobeValues<Float, K> first = lower.mix(select(rows.blend, Float(0), rows.s), upper);
+    PreparedSampler<Float, K, Family> out;
+    out.share = select(rows.blend, Float(e0 / (e0 + e1)), Float(1));
+    out.rest = select(rows.blend, Float(e1 / (e0 + e1)), Float(0));
+    out.blended = Traits::any(out.rest > Float(0));
+    out.first.set(first.weight, first.mean, first.sigma, table.even);
+    out.second.set(upper.weight, upper.mean, upper.sigma, table.even);
+    return out;
+}
+
+template <class Float, class Scalar, int K, class Memory, class Family>
+CUTICLE_INLINE PreparedSampler<Float, K, Family> prepare(const LobeTable<Scalar, K, Memory, Family> &table,
+                                                         const Float &theta_r, const Float &strands) {
+    const ThetaPosition<Float> at = locate_theta(table, theta_r);
+    const RowPosition<Float> rows = locate_row(table, strands);
+    if (is_blended(table, rows)) return prepare_blended(table, at, rows);
+    PreparedSampler<Float, K, Family> out;
+    out.first = out.second = lobes_at(table, at, rows);
+    out.share = Float(1);
+    out.rest = Float(0);
+    out.blended = false;
+    return out;
+}
+
+// One direction a shading point, without anything passing through memory: pdf and sample of a prepared sampler.
+template <class Float, class Scalar, int K, class Memory, class Family>
+CUTICLE_INLINE Float pdf(const LobeTable<Scalar, K, Memory, Family> &table, const Float &theta_i, const Float &theta_r,
+                         const Float &phi, const Float &strands) {
+    const ThetaPosition<Float> at = locate_theta(table, theta_r);
+    const RowPosition<Float> rows = locate_row(table, strands);
+    if (is_blended(table, rows)) return prepare_blended(table, at, rows).pdf(theta_i, phi);
+    return lobes_at(table, at, rows).pdf(theta_i, phi);
+}
+
+template <class Float, class Scalar, int K, class Memory, class Family>
+CUTICLE_INLINE Sample<Float> sample(const LobeTable<Scalar, K, Memory, Family> &table, const Float &theta_r,
+                                    const Float &u_lobe, const Float &u_theta, const Float &u_phi, const Float &strands) {
+    const ThetaPosition<Float> at = locate_theta(table, theta_r);
+    const RowPosition<Float> rows = locate_row(table, strands);
+    if (is_blended(table, rows)) return prepare_blended(table, at, rows).sample(u_lobe, u_theta, u_phi);
+    return lobes_at(table, at, rows).sample(u_lobe, u_theta, u_phi);
+}
+
+}  // namespace cuticle
+
+#endif  // CUTICLE_SAMPLER_SAMPLER_H

@@ -1,0 +1,200 @@
+// The azimuthal functions N_p(theta_d, phi), by quadrature over the offset h, one table row a theta_d.
+//
+// N_p(phi) = ½ ∫ A(p, h) D(phi - phi_p(h)) dh, D a wrapped normal of deviation beta_N (d'Eon 2011) or a logistic
+// distribution cut off at ±pi (Chiang 2016). Each cell of h spreads its energy evenly over the azimuths between its two
+// edges, which is exact for a straight phi_p(h) and has no aliasing as beta_N -> 0; the smoothing by D is one convolution of
+// the row.
+#ifndef CUTICLE_SCATTERING_AZIMUTHAL_H
+#define CUTICLE_SCATTERING_AZIMUTHAL_H
+
+#include "cuticle/math/logistic.h"
+#include "cuticle/scattering/longitudinal.h"
+#include "cuticle/scattering/optics.h"
+
+namespace cuticle {
+
+constexpr int lobe_count = 3;  // R, TT, TRT
+
+enum class Azimuthal { normal, logistic };  // D
+
+// Adds `mass` spread evenly over [a, b] radians to `bins` bins of the full circle, bin m centred at m 2pi/bins.
+template <class Float> void deposit(Float a, Float b, Float mass, Float *circle, int bins) {
+    const Float scale = Float(bins) / (Float(2) * pi<Float>);
+    const Float x0 = math::min(a, b) * scale + Float(.5), x1 = math::max(a, b) * scale + Float(.5);
+    const long first = static_cast<long>(math::floor(x0)), last = static_cast<long>(math::floor(x1));
+    for (long m = first; m <= last; ++m) {
+        const Float overlap = math::min(x1, Float(m + 1)) - math::max(x0, Float(m));
+        const Float part = first == last ? mass : mass * overlap / (x1 - x0);
+        circle[(m % bins + bins) % bins] += part;
+    }
+}
+
+// One lobe's row for one absorption: out[j] = N_p at phi = j pi / n, j = 0 … n, per radian; n even. `beta_n` is D's
+// deviation. `circle` and `kernel` are scratch, of 4 n and of 2 n.
+template <class Float>
+void azimuthal_row(int p, Float theta_d, Float eta, Float sigma_a, Azimuthal form, Float beta_n, bool closed, int n,
+                   int offsets, Float *circle, Float *kernel, Float *out) {
+    const int bins = 2 * n;
+    const Float step = Float(2) * pi<Float> / Float(bins);
+    const Float cos_d = math::cos(theta_d), sin_d = math::sin(theta_d);
+    for (int m = 0; m < bins; ++m) circle[m] = Float(0);
+    // h = sin gamma, gamma even: fine where Fresnel's term turns steep. By symmetry only h >= 0.
+    Float before = exit_azimuth(p, cross_section(Float(0), sin_d, cos_d, eta));
+    for (int j = 0; j < offsets; ++j) {
+        const Float g0 = half_pi<Float> * Float(j) / Float(offsets), g1 = half_pi<Float> * Float(j + 1) / Float(offsets);
+        const Float after = exit_azimuth(p, cross_section(g1, sin_d, cos_d, eta));
+        const CrossSection<Float> middle = cross_section(Float(Float(.5) * (g0 + g1)), sin_d, cos_d, eta);
+        const Float dh = math::sin(g1) - math::sin(g0);
+        deposit(before, after, attenuation(p, middle, sigma_a, closed) * dh, circle, bins);
+        before = after;
+    }
+    for (int m = 0; m <= n; ++m) {  // h and -h leave at phi and -phi
+        const int other = (bins - m) % bins;
+        circle[m] = circle[other] = Float(.5) * (circle[m] + circle[other]);
+    }
+    for (int m = 0; m < bins; ++m) circle[bins + m] = circle[m];
+
+    // D, less what the bins (step²/12) and the table's linear interpolation (step²/6) smooth by themselves.
+    const Float variance = math::max(Float(beta_n * beta_n - step * step * Float(.25)), Float(Float(.5) * beta_n * beta_n));
+    Float total = Float(0);
+    for (int m = 0; m < bins; ++m) {
+        const Float x = step * Float(m < n ? m : m - bins);
+        kernel[m] = Float(0);
+        if (form == Azimuthal::logistic)
+            kernel[m] = trimmed_logistic(x, Float(math::sqrt(Float(3 * variance)) / pi<Float>));  // deviation s pi/√3
+        else
+            for (int turn = -3; turn <= 3; ++turn)
+                kernel[m] += gaussian(Float(x + Float(2) * pi<Float> * Float(turn)), variance);
+        total += kernel[m];
+    }
+    int reach = 1;
+    while (reach < n && kernel[reach] > Float(1e-9) * kernel[0]) ++reach;
+    for (int j = 0; j <= n; ++j) out[j] = Float(0);
+    for (int d = -reach; d < reach; ++d) {
+        const Float weight = kernel[d < 0 ? d + bins : d] / (total * step);
+        const Float *from = circle + (d < 0 ? d + bins : d);
+        for (int j = 0; j <= n; ++j) out[j] += weight * from[j];
+    }
+}
+
+// What light that arrives spread evenly over the front half of the azimuth makes of N (Zinke 2008, N^G):
+// the mean of N over phi ± pi/2. `row` and `out` as above.
+template <class Float> void spread_row(const Float *row, int n, Float *out) {
+    const auto at = [&](int j) {
+        const int m = ((j % (2 * n)) + 2 * n) % (2 * n);
+        return row[m <= n ? m : 2 * n - m];
+    };
+    Float sum = Float(0);
+    for (int j = -n / 2; j < n / 2; ++j) sum += Float(.5) * (at(j) + at(j + 1));
+    for (int j = 0; j <= n; ++j) {
+        out[j] = math::max(Float(sum / Float(n)), Float(0));  // the running sum may round below 0
+        sum += Float(.5) * (at(j + n / 2) + at(j + n / 2 + 1) - at(j - n / 2) - at(j - n / 2 + 1));
+    }
+}
+
+// The fraction of N's energy that goes on into the forward half and back, for light that arrives spread evenly
+// over half a turn: a direction at distance d from straight on stays forward with probability 1 - d/pi.
+template <class Float> struct Halves {
+    Float forward, backward;
+};
+
+template <class Float> Halves<Float> half_energies(const Float *row, int n) {
+    Halves<Float> sum{Float(0), Float(0)};
+    for (int j = 0; j <= n; ++j) {
+        const Float d_phi = Float(2) * pi<Float> / Float(n) * (j == 0 || j == n ? Float(.5) : Float(1));
+        const Float forward = Float(j) / Float(n);  // straight on is phi = pi
+        sum.forward += d_phi * forward * row[j];
+        sum.backward += d_phi * (Float(1) - forward) * row[j];
+    }
+    return sum;
+}
+
+// A view of the rows: [rows][columns][lobe_count][channels], theta_d = i (pi/2) / (rows - 1), phi = j pi / (columns - 1).
+// N is even in both angles. Memory is a pointer, or whatever ArrayTraits::gather takes.
+template <class Memory> struct AzimuthalTable {
+    Memory data;
+    int rows, columns, channels;
+};
+
+// Four table entries and their weights: the position is found once and serves all lobes and channels.
+template <class Float> struct Bilinear {
+    typename ArrayTraits<Float>::Index index;  // of the first value of the lower corner
+    int row_step, column_step;
+    Float a, b;  // fractions towards the next row and column
+};
+
+template <class Float, class Memory>
+CUTICLE_HD Bilinear<Float> locate(const AzimuthalTable<Memory> &table, const Float &theta_d, const Float &phi) {
+    using Traits = ArrayTraits<Float>;
+    using Index = typename Traits::Index;
+    const Float last_row = Float(table.rows - 1), last_column = Float(table.columns - 1);
+    const Float y = math::clamp(Float(math::abs(theta_d) * last_row * Float(2 / pi<double>)), Float(0), last_row);
+    const Float x =
+        math::clamp(Float(math::abs(math::wrap_angle(phi)) * last_column * Float(1 / pi<double>)), Float(0), last_column);
+    const Index i = math::min(Traits::to_index(y), Index(table.rows - 2));
+    const Index j = math::min(Traits::to_index(x), Index(table.columns - 2));
+    const int column = lobe_count * table.channels;
+    return {(i * Index(table.columns) + j) * Index(column), table.columns * column, column, y - Float(i), x - Float(j)};
+}
+
+template <class Float, class Memory, class Offset>
+CUTICLE_HD Float interpolate(const Memory &data, const Bilinear<Float> &at, const Offset &offset) {
+    using Traits = ArrayTraits<Float>;
+    using Index = typename Traits::Index;
+    const Index first = at.index + Index(offset);
+    const auto value = [&](int from) { return Traits::gather(data, Index(first + Index(from))); };
+    const Float far = at.b, near = Float(1) - at.b;  // convex sums: rounding never makes them negative
+    const Float lower = near * value(0) + far * value(at.column_step);
+    const Float upper = near * value(at.row_step) + far * value(at.row_step + at.column_step);
+    return (Float(1) - at.a) * lower + at.a * upper;
+}
+
+// Which of a table's channels to read: an int, or, for an absorption between those of two channels, both and how far.
+template <class Float> struct ChannelBetween {
+    typename ArrayTraits<Float>::Index first;  // the other is first + 1
+    Float t;
+};
+
+// Between two absorptions light decays as along one path: its log is all but linear in sigma_a, since the lengths of the
+// paths that meet differ little.
+template <class Float> CUTICLE_HD Float between_absorptions(const Float &lower_, const Float &upper_, const Float &t) {
+    const Float tiny = Float(smallest<Float>), lower = math::max(lower_, tiny), upper = math::max(upper_, tiny);
+    const Float log_value = math::log(lower) + t * (math::log(upper) - math::log(lower));
+    return select(lower <= tiny, Float(0), Float(math::exp(log_value)));
+}
+
+// N_p of one channel.
+template <class Float, class Memory>
+CUTICLE_HD Float azimuthal_value(const AzimuthalTable<Memory> &table, const Bilinear<Float> &at, int p, int channel) {
+    return interpolate<Float>(table.data, at, p * table.channels + channel);
+}
+template <class Float, class Memory>
+CUTICLE_HD Float azimuthal_value(const AzimuthalTable<Memory> &table, const Bilinear<Float> &at, int p,
+                                 const ChannelBetween<Float> &channel) {
+    using Index = typename ArrayTraits<Float>::Index;
+    const Index first = channel.first + Index(p * table.channels);
+    return between_absorptions(interpolate<Float>(table.data, at, first),
+                               interpolate<Float>(table.data, at, Index(first + Index(1))), channel.t);
+}
+
+// Absorptions in geometric steps, as channels first … first + count - 1 of a table.
+template <class Scalar> struct AbsorptionRange {
+    Scalar low, ratio;
+    int first, count;
+};
+
+template <class Float, class Scalar>
+CUTICLE_HD ChannelBetween<Float> locate(const AbsorptionRange<Scalar> &range, const Float &sigma_a) {
+    using Traits = ArrayTraits<Float>;
+    using Index = typename Traits::Index;
+    const double log_ratio = math::log(static_cast<double>(range.ratio));
+    const Float steps = math::log(math::max(Float(sigma_a / Float(range.low)), Float(1))) * Float(1 / log_ratio);
+    const Index k = math::min(Traits::to_index(steps), Index(range.count - 2));
+    const Float below = Float(range.low) * math::exp(Float(Float(k) * Float(log_ratio)));
+    const Float t = (sigma_a / below - Float(1)) * Float(1 / (static_cast<double>(range.ratio) - 1));
+    return {Index(k + Index(range.first)), t};
+}
+
+}  // namespace cuticle
+
+#endif  // CUTICLE_SCATTERING_AZIMUTHAL_H
