@@ -5,16 +5,22 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 NATIVE := $(wildcard src/native/* include/cuticle/* include/cuticle/*/* plugins/mitsuba/*) CMakeLists.txt pyproject.toml
 
-.PHONY: demo test lint format bench docs pictures clean
+.PHONY: demo test test-all lint format bench docs pictures clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.installed
 	$(BIN)/cuticle demo -o out/demo
 
-# Side by side, file by file in their order, which has long ones first; but for what measures time.
+# What proves right results, once on each path; side by side, file by file in their order, which has long ones first.
+PYTEST := $(BIN)/python -m pytest
+SIDE_BY_SIDE := --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 test: $(VENV)/.installed-test
-	$(BIN)/python -m pytest -m 'not alone' --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
-	$(BIN)/python -m pytest -m alone
+	$(PYTEST) -m 'not slow and not alone' $(SIDE_BY_SIDE)
+
+# What `make test` leaves out: the same claims over compilers, variants and seeds, long renders, and what measures time.
+test-all: $(VENV)/.installed-test
+	$(PYTEST) -m 'slow and not alone' $(SIDE_BY_SIDE)
+	$(PYTEST) -m alone
 
 lint: $(VENV)/.installed-lint
 	$(BIN)/ruff check .
@@ -28,7 +34,7 @@ format: $(VENV)/.installed-lint
 	$(BIN)/clang-format -i $$(git ls-files '*.h' '*.cpp')
 
 bench: $(VENV)/.installed
-	$(BIN)/python benchmarks/bench.py
+	$(BIN)/python benchmarks/bench.py --write
 	$(BIN)/python benchmarks/alternatives.py --picture docs/images/benchmark.png
 
 $(BIN)/python:

@@ -12,9 +12,10 @@ from cuticle._support import validate
 from cuticle._support.files import writable_directory, write_text
 from cuticle.cli.tables import fit_table
 from cuticle.cli.terminal import JsonOption, ModelArgument, ParametersArgument, out, progress_bar, read_strands
-from cuticle.fitting.fit import FORMS, fit
+from cuticle.fitting.fit import BEST, FORMS, fit
 from cuticle.fitting.result import Fit, fit_summary
 from cuticle.fitting.targets import OBJECTIVES
+from cuticle.sampling.families import FAMILIES, NORMAL
 from cuticle.sampling.lobe_table import MAX_LOBES
 from cuticle.sampling.quality import channel_bounds
 from cuticle.scattering.among_strands import Strands
@@ -38,6 +39,7 @@ def command(
     ] = "4",
     form: Annotated[str, typer.Option(help=" | ".join(FORMS))] = "lobes",
     objective: Annotated[str, typer.Option(help=" | ".join(OBJECTIVES))] = "luminance",
+    family: Annotated[str, typer.Option(help=" | ".join((*FAMILIES, BEST)))] = NORMAL,
     defensive: Annotated[float, typer.Option(help="Share of the nearly uniform lobe in the document's form.")] = 0.1,
     json_output: JsonOption = False,
 ) -> None:
@@ -46,6 +48,7 @@ def command(
     counts = None if strands is None else read_strands(strands)
     validate.choice("--form", form, FORMS)
     validate.choice("--objective", objective, OBJECTIVES)
+    validate.choice("--family", family, (*FAMILIES, BEST))
     validate.number("--defensive", defensive, 0, 0.99)
     with progress_bar(json_output) as progress:
         parsed = read_model(model, parameters or (), progress=progress)
@@ -55,7 +58,10 @@ def command(
         parsed = Strands(parsed)
     folder = writable_directory(output)
     with progress_bar(json_output) as progress:
-        result = fit(parsed, number, strands=counts, form=form, objective=objective, defensive=defensive, progress=progress)
+        result = fit(
+            parsed, number, strands=counts, form=form, objective=objective, family=family, defensive=defensive,
+            progress=progress,
+        )  # fmt: skip
     result.sampler.save(folder / "sampler.json")
     beside = _save_model(parsed, folder)
     summary = fit_summary(result)

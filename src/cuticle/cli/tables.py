@@ -12,6 +12,7 @@ from rich.table import Table
 
 from cuticle.checking.check import Report
 from cuticle.checking.verdicts import Verdict
+from cuticle.draft.layout import shown_tables
 from cuticle.fitting.result import Fit
 
 
@@ -88,39 +89,17 @@ def check_tables(report: Report) -> list[Table]:
 
 def document_tables(plain: dict[str, Any]) -> list[Table]:
     """Return the draft's three tables, ours beside the printed, the functions and the claims."""
-
-    def values(row: dict[str, Any], names: tuple[tuple[str, int], ...]) -> list[str]:
-        texts = []
-        for name, digits in names:
-            ours, printed = row[name]["ours"], row[name]["printed"]
-            text = "–" if ours is None else f"{ours:.{digits}f}"
-            texts.append(text if printed is None else f"{text} [dim]{printed:g} ({row[name]['difference']:+.{digits}f})[/]")
-        return texts
-
-    def rms(cells: dict[str, float | None]) -> str:
-        known = ", ".join(f"{k} {v:.3g}" for k, v in cells.items() if v is not None)
-        return f"rms difference: {known}" if known else ""
-
-    compared = any(r["theta_i_deg"]["printed"] is not None for r in plain["table_1"]["rows"])
-    aside = "; ours, then printed (difference)" if compared else ""
-    one = table(f"Table 1: the maximum, degrees{aside}", rms(plain["table_1"]["rms_within_60_deg"]))
-    for column in ("phi_r", "theta_r", "theta_i", "phi_i"):
-        one.add_column(column, justify="right")
-    for r in plain["table_1"]["rows"]:
-        cells = values(r, (("theta_i_deg", 1), ("phi_i_deg", 1)))
-        one.add_row(f"{r['phi_r_deg']}", f"{r['theta_r_deg']}", *cells)
-    two = table(f"Table 2: Gaussians through the highlight, direct light{aside}", rms(plain["table_2"]["rms"]))
-    for column in ("theta_r", "s_V", "sigma_V", "shift_V", "s_H", "sigma_H", "shift_H", ""):
-        two.add_column(column, justify="right")
-    names = (("s_V", 2), ("sigma_V", 2), ("shift_V_deg", 0), ("s_H", 2), ("sigma_H", 2), ("shift_H_deg", 1))
-    for r in plain["table_2"]["rows"]:
-        two.add_row(f"{r['theta_r_deg']}", *values(r, names), r["note"])
-    three = table(f"Table 3: one Gaussian through n strands{aside}", rms(plain["table_3"]["rms_within_60_deg"]))
-    for column in ("n", "theta_r", "s", "sigma", "shift", ""):
-        three.add_column(column, justify="right")
-    for r in plain["table_3"]["rows"]:
-        cells = values(r, (("s", 4), ("sigma", 3), ("shift_deg", 1)))
-        three.add_row(f"{r['strands']:g}", f"{r['theta_r_deg']}", *cells, r["note"])
+    listings = []
+    for shown in shown_tables(plain):
+        aside = "; ours, then printed (difference)" if shown.printed else ""
+        listing = table(shown.title + aside, shown.rms)
+        for header in (*shown.keys, *shown.columns):
+            listing.add_column(header, justify="right")
+        listing.add_column("")
+        for row in shown.rows:
+            cells = [c.ours + (f" [dim]{c.printed} ({c.difference})[/]" if c.printed != "–" else "") for c in row.cells]
+            listing.add_row(*row.keys, *cells, row.note)
+        listings.append(listing)
     functions = table("The general functions: theta = theta_r in radians", plain["no_functions_because"])
     for column in ("", "function", "rms, rad", "next best"):
         functions.add_column(column)
@@ -133,4 +112,4 @@ def document_tables(plain: dict[str, Any]) -> list[Table]:
     colours = {"holds": "green", "holds in part": "yellow", "does not hold": "red"}
     for c in plain["claims"]:
         claims.add_row(f"[{colours[c['verdict']]}]{c['verdict']}[/]", f"“{c['quote']}”", c["finding"])
-    return [one, two, three, functions, claims]
+    return [*listings, functions, claims]

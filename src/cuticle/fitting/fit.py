@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from cuticle.fitting.lobes import END, Points, carry, grow, make_points, node_an
 from cuticle.fitting.mixture import Array, loss, to_natural
 from cuticle.fitting.result import Candidate, Fit
 from cuticle.fitting.targets import OBJECTIVES, make_targets
+from cuticle.sampling.families import FAMILIES, NORMAL
 from cuticle.sampling.lobe_table import MAX_LOBES
 from cuticle.sampling.quality import measure
 from cuticle.sampling.sampler import Sampler
@@ -24,6 +26,7 @@ from cuticle.scattering.bcsdf import Bcsdf, check_model, strands_of
 from cuticle.scattering.by_name import provenance
 
 FORMS = ("lobes", "document")
+BEST = "best"  # of the families, the one with the highest mean ESS
 SAMPLINGS = (*FORMS, "uniform")  # what a renderer may draw from
 MEASURED_AT = np.radians([-85, -75, -60, -30, 0, 30, 60, 75, 85.0])
 MAX_AUTO_LOBES = 12
@@ -36,6 +39,7 @@ def fit(
     strands: Sequence[float] | None = None,
     form: str = "lobes",
     objective: str = "luminance",
+    family: str = NORMAL,
     defensive: float = 0.1,
     functions: DocumentFunctions = DRAFT,
     progress: Progress | None = None,
@@ -55,6 +59,9 @@ def fit(
         and a `defensive` share.
     objective
         "luminance", or "rgb": 1/ESS averaged over all channels.
+    family
+        Density along each coordinate of a lobe: "normal" or "logistic" (`cuticle.sampling.families`), or "best" for the one
+        with the higher mean ESS of the two. One or two lobes gain by "logistic", four and more lose.
     defensive
         Share of a nearly uniform lobe in the document's form, 0 to 0.99.
     functions
@@ -82,6 +89,19 @@ def fit(
     """
     validate.choice("form", form, FORMS)
     validate.choice("objective", objective, OBJECTIVES)
+    validate.choice("family", family, (*FAMILIES, BEST))
+    if family == BEST:
+        tried = {
+            name: fit(
+                model, lobes, strands=strands, form=form, objective=objective, family=name, defensive=defensive,
+                functions=functions, progress=_share_of(progress, i / len(FAMILIES), 1 / len(FAMILIES)),
+            )
+            for i, name in enumerate(FAMILIES)
+        }  # fmt: skip
+        means = {name: float(f.ess.mean()) for name, f in tried.items()}
+        return replace(tried[max(means, key=means.__getitem__)], families=means)
+    if form == "document" and family != NORMAL:
+        raise ValueError(f"the document's form is made of normal lobes: leave family out, got {family!r}")
     if lobes is not None:
         lobes = validate.integer("lobes", lobes, 1, MAX_LOBES, remedy="4 suits most fibres; None lets the program choose")
     validate.number("defensive", defensive, 0, 0.99)
@@ -102,14 +122,14 @@ def fit(
         targets = make_targets([with_strands(n) for n in counts for _ in angles], [*angles] * len(counts), objective)
         nodes, energy, even = document_nodes(counts, defensive, functions), targets.energy.reshape(len(counts), -1), True
     else:
-        nodes, energy, even, candidates = _fit_lobes(with_strands, counts, lobes, objective, report)
+        nodes, energy, even, candidates = _fit_lobes(with_strands, counts, lobes, objective, family, report)
     seconds = time.perf_counter() - start
 
     about: dict[str, Any] = {"form": form, "objective": objective}
     if form == "document":
         about["functions"] = [line for lines in functions.code() for line in lines]
     about |= provenance(model)
-    sampler = Sampler(nodes, energy, counts, even, about)
+    sampler = Sampler(nodes, energy, counts, even, about, family)
     report("measuring", 0.95)
     quality = [[measure(sampler, with_strands(n), float(t), n) for t in MEASURED_AT] for n in counts]
     report("done", 1.0)
@@ -127,6 +147,11 @@ def fit(
     )
 
 
+def _share_of(progress: Progress | None, start: float, share: float) -> Progress | None:
+    """Return what reports a part of the work as that share of the whole."""
+    return None if progress is None else lambda phase, fraction: progress(phase, start + share * fraction)
+
+
 def _counts(model: Bcsdf, strands: Sequence[float] | None) -> tuple[float, ...]:
     own = strands_of(model)
     if strands is None:
@@ -142,6 +167,7 @@ def _fit_lobes(
     counts: tuple[float, ...],
     lobes: int | None,
     objective: str,
+    family: str,
     report: Progress,
 ) -> tuple[Array, Array, bool, tuple[Candidate, ...]]:
     # Direct light and light through strands have different shapes: two groups, each smooth within.
@@ -150,7 +176,7 @@ def _fit_lobes(
     starts: list[Array] = []
     for g in groups:
         report("tabulating", 0.3 * len(points) / len(groups))
-        points.append(make_points(with_strands, g, objective))
+        points.append(make_points(with_strands, g, objective, family))
     candidates: tuple[Candidate, ...] = ()
     if lobes is None:
         lobes, candidates, starts = _choose_lobes(points, report)

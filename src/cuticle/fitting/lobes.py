@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from cuticle.fitting.mixture import Array, confine, equations, from_natural, jacobian, loss, solve_each, to_natural
 from cuticle.fitting.targets import Targets, make_targets
-from cuticle.sampling.densities import even_normal, longitudinal_normal, periodic_normal
-from cuticle.sampling.lobe_table import MEAN_PHI, MEAN_THETA, SIGMA_PHI, SIGMA_THETA, WEIGHT
+from cuticle.sampling.families import mixture_density
+from cuticle.sampling.lobe_table import MEAN_THETA, SIGMA_PHI, SIGMA_THETA, WEIGHT
 from cuticle.scattering.bcsdf import Bcsdf
 
 THETA_NODES = 25  # every 7.5 degrees
@@ -46,7 +46,7 @@ def node_angles() -> Array:
     return np.linspace(-np.pi / 2, np.pi / 2, THETA_NODES)
 
 
-def make_points(with_strands: Callable[[float], Bcsdf], strands: Sequence[float], objective: str) -> Points:
+def make_points(with_strands: Callable[[float], Bcsdf], strands: Sequence[float], objective: str, family: str) -> Points:
     """Tabulate the targets that a fit of these strand counts looks at."""
     theta: list[tuple[int, float]] = [(i, 0.0) for i in range(THETA_NODES - 1)] + [(THETA_NODES - 2, 1.0)]
     for i in range(THETA_NODES - 1):
@@ -70,7 +70,7 @@ def make_points(with_strands: Callable[[float], Bcsdf], strands: Sequence[float]
             middle = with_strands(0.5 * (n + strands[j + 1]))
             for i, fraction in theta:
                 add(i, fraction, j, 0.5, middle)
-    targets = make_targets(models, angles, objective)
+    targets = make_targets(models, angles, objective, family)
     return Points(np.array(node), np.array(t), np.array(row), np.array(s), targets)
 
 
@@ -118,13 +118,8 @@ def _with_one_more(targets: Targets, u: Array) -> Array:
 
 
 def _density(targets: Targets, x: Array) -> Array:
-    along_phi = (
-        2 * even_normal.pdf(targets.phi[0][:, None], x[MEAN_PHI], x[SIGMA_PHI])  # q holds both signs of phi on [0, pi]
-        if targets.even
-        else periodic_normal.pdf(targets.phi[0][:, None], x[MEAN_PHI], x[SIGMA_PHI])
-    )
-    along_theta = longitudinal_normal.pdf(targets.theta[0][:, None], x[MEAN_THETA], x[SIGMA_THETA])
-    return (along_theta * x[WEIGHT]) @ along_phi.T
+    sides = 2 if targets.even else 1  # q holds both signs of phi on [0, pi]
+    return sides * mixture_density(x, targets.theta[0], targets.phi[0], targets.even, targets.family)
 
 
 def carry(points: Points, start: Array, rows: int) -> Array:

@@ -89,7 +89,9 @@ def equations(targets: Targets, x: Array) -> tuple[Array, Array, Array]:
 
 def _call(t: Targets, x: Array, value: Array, gradient: Array, hessian: Array) -> None:
     parameters = np.ascontiguousarray(x)
-    _core.normal_equations(t.q, t.theta, t.theta_weight, t.phi, t.phi_weight, parameters, t.even, value, gradient, hessian)
+    _core.normal_equations(
+        t.q, t.theta, t.theta_weight, t.phi, t.phi_weight, parameters, t.even, value, gradient, hessian, t.family
+    )  # fmt: skip
 
 
 def solve_each(targets: Targets, u: Array, *, iterations: int, tolerance: float = 1e-5) -> tuple[Array, Array]:

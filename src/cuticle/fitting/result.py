@@ -42,6 +42,8 @@ class Fit:
         As asked for.
     candidates
         The numbers of lobes that were weighed, where the choice was left to the program.
+    families
+        The mean ESS of each family of lobes, where the choice was left to the program.
     """
 
     sampler: Sampler
@@ -54,6 +56,7 @@ class Fit:
     form: str
     objective: str
     candidates: tuple[Candidate, ...] = field(default=())
+    families: dict[str, float] = field(default_factory=dict)
 
     @property
     def summary(self) -> list[tuple[float, float, float, float]]:
@@ -70,6 +73,9 @@ class Fit:
             f"  strands {n:g}: ESS mean {mean:.4f}, worst {worst:.4f} within 75°, {beyond:.4f} at 85°"
             for n, mean, worst, beyond in self.summary
         ]
+        if self.families:
+            tried = ", ".join(f"{name} {ess:.4f}" for name, ess in self.families.items())
+            lines.append(f"  {self.sampler.family} lobes chosen by mean ESS: {tried}")
         if self.candidates:
             tried = ", ".join(f"{c.lobes}: {c.efficiency:.5f}" for c in self.candidates)
             lines.append(f"  lobes chosen by ESS per cost of a traced sample: {tried}")
@@ -82,6 +88,7 @@ def fit_summary(result: Fit) -> dict[str, Any]:
         "form": result.form,
         "objective": result.objective,
         "lobes": result.sampler.lobes,
+        "family": result.sampler.family,
         "seconds": round(result.seconds, 3),
         "theta_r_degrees": np.degrees(result.theta_r).round(6).tolist(),
         "strands": list(result.sampler.strands),

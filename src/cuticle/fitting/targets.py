@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cuticle._support.quadrature import Grid, adapted_edges, grid
+from cuticle.sampling.families import NORMAL
 from cuticle.scattering.bcsdf import Bcsdf, evaluate, is_even, luminance
 
 OBJECTIVES = ("luminance", "rgb")
@@ -29,12 +30,13 @@ class Targets(NamedTuple):
     phi_weight: NDArray[np.float64]
     energy: NDArray[np.float64]  # (E,) ∫ f cos, luminance
     even: bool
+    family: str = NORMAL  # of the lobes that are fitted to it
 
     def take(self, index: Sequence[int] | NDArray[np.intp]) -> Targets:
         """Return the targets at `index`."""
         i = np.asarray(index, np.intp)
         arrays = [np.ascontiguousarray(a[i]) for a in self[:6]]
-        return Targets(arrays[0], arrays[1], arrays[2], arrays[3], arrays[4], arrays[5], self.even)
+        return Targets(arrays[0], arrays[1], arrays[2], arrays[3], arrays[4], arrays[5], self.even, self.family)
 
 
 def objective_density(values: NDArray[np.float64], weights: NDArray[np.float64], objective: str) -> NDArray[np.float64]:
@@ -49,12 +51,12 @@ def objective_density(values: NDArray[np.float64], weights: NDArray[np.float64],
     return np.sqrt(np.mean((values / np.maximum(total, 1e-300)) ** 2, axis=-1))
 
 
-def make_targets(models: Sequence[Bcsdf], theta_r: Sequence[float], objective: str) -> Targets:
+def make_targets(models: Sequence[Bcsdf], theta_r: Sequence[float], objective: str, family: str = NORMAL) -> Targets:
     """Tabulate each (model, theta_r) pair as a target."""
     even = is_even(models[0])
     built = [_target(m, t, even, objective) for m, t in zip(models, theta_r, strict=True)]
     c = [np.array(column) for column in zip(*built, strict=True)]
-    return Targets(c[0], c[1], c[2], c[3], c[4], c[5], even)
+    return Targets(c[0], c[1], c[2], c[3], c[4], c[5], even, family)
 
 
 def _target(model: Bcsdf, theta_r: float, even: bool, objective: str) -> tuple:

@@ -14,6 +14,7 @@ from cuticle.draft.tables import highlight_axis, table_2, table_3
 from cuticle.fitting.closed_forms import DRAFT, DocumentFunctions
 from cuticle.fitting.fit import SAMPLINGS, fit
 from cuticle.sampling.combining import combine
+from cuticle.sampling.families import NORMAL
 from cuticle.sampling.lobe_table import MAX_LOBES
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.among_strands import Strands
@@ -154,7 +155,12 @@ def _load(path: str) -> Sampler:
 
 @lru_cache(maxsize=16)
 def _loaded(path: str, _: int) -> Sampler:
-    return Sampler.load(path)
+    sampler = Sampler.load(path)
+    if sampler.family != NORMAL:
+        raise ValueError(
+            f"Mitsuba's plugins draw from normal lobes, {path} has {sampler.family} ones: fit it with family normal"
+        )
+    return sampler
 
 
 @lru_cache(maxsize=16)

@@ -14,8 +14,10 @@ import jinja2
 import numpy as np
 
 from cuticle._support.files import read_text, write_text
+from cuticle._support.plain_values import number
 from cuticle._support.version import __version__
 from cuticle.draft.as_values import VERSION
+from cuticle.draft.layout import shown_tables
 
 RESULTS = {
     "fit.json": "cuticle fit PRESET|FILE.toml -o DIR",
@@ -23,7 +25,6 @@ RESULTS = {
     "document.json": "cuticle document PRESET|FILE.toml -o DIR",
 }
 LIMIT = 5_000_000  # bytes of the page
-_MINUS = "\N{MINUS SIGN}"
 
 
 def write_report(folder: str | os.PathLike[str]) -> Path:
@@ -81,16 +82,6 @@ def _read(path: Path) -> Any:
     if not isinstance(data, dict):
         raise ValueError(f"cannot read result {path}: it must hold one object")
     return data
-
-
-def number(value: float | None, digits: int = 2, *, sign: bool = False) -> str:
-    """Return a number for reading: a true minus, a dash for none."""
-    if value is None:
-        return "–"
-    text = f"{value:+.{digits}f}" if sign else f"{value:.{digits}f}"
-    if float(text) == 0:
-        text = f"{0:.{digits}f}"
-    return text.replace("-", _MINUS)
 
 
 def _ess(value: float) -> dict[str, str]:
@@ -180,7 +171,7 @@ def _document_view(data: dict[str, Any], folder: Path) -> dict[str, Any]:
         "reason": data["no_functions_because"],
         "shader": data["shader"],
         "axis": f"{data['highlight_phi_deg']:.0f}°",
-        "tables": [_table_1(data["table_1"]), _table_2(data["table_2"]), _table_3(data["table_3"])],
+        "tables": shown_tables(data),
         "mixing": [_mixing(m, [n for n in data["quality"]["lobes"] if n != "0"]) for m in data["combined"]],
         "quality": _quality(data["quality"], data["lobes"]),
         "figures": [
@@ -209,97 +200,6 @@ def _function(name: str, f: dict[str, Any]) -> dict[str, Any]:
 
     best = told(f["best"])
     return {"symbol": symbol, "meaning": meaning, "best": best, "others": [told(o) for o in f["runners_up"]]}
-
-
-def _cells(row: dict[str, Any], names: tuple[tuple[str, int], ...]) -> list[dict[str, str]]:
-    return [
-        {
-            "ours": number(row[name]["ours"], digits),
-            "printed": number(row[name]["printed"], digits),
-            "difference": number(row[name]["difference"], digits, sign=True),
-        }
-        for name, digits in names
-    ]
-
-
-def _table_1(table: dict[str, Any]) -> dict[str, Any]:
-    names = (("theta_i_deg", 1), ("phi_i_deg", 1))
-    r = table["rms_within_60_deg"]
-    return {
-        "title": "Table 1: where the distribution is largest",
-        "about": "Degrees. At θᵣ = ±90° the azimuth has no meaning, and f·cos no bound.",
-        "keys": ["ϕᵣ", "θᵣ"],
-        "columns": ["θᵢ", "ϕᵢ"],
-        "rows": [
-            {
-                "keys": [f"{number(x['phi_r_deg'], 0)}°", f"{number(x['theta_r_deg'], 0)}°"],
-                "cells": _cells(x, names),
-                "note": "",
-            }
-            for x in table["rows"]
-        ],
-        "printed": any(x["theta_i_deg"]["printed"] is not None for x in table["rows"]),
-        "rms": None
-        if r["theta_i_deg"] is None
-        else f"The rms difference within 60° is {number(r['theta_i_deg'])}° in θᵢ and {number(r['phi_i_deg'])}° in ϕᵢ.",
-        "notes": False,
-    }
-
-
-def _table_2(table: dict[str, Any]) -> dict[str, Any]:
-    names = (("s_V", 2), ("sigma_V", 3), ("shift_V_deg", 1), ("s_H", 2), ("sigma_H", 3), ("shift_H_deg", 1))
-    r = table["rms"]
-    return {
-        "title": "Table 2: Gaussians through the highlight, direct light",
-        "about": "σ in radians, shifts in degrees, s in units of f·cos times radians.",
-        "keys": ["θᵣ"],
-        "columns": ["s_V", "σ_V", "shift V", "s_H", "σ_H", "shift H"],
-        "rows": [
-            {
-                "keys": [f"{number(x['theta_r_deg'], 0)}°"],
-                "cells": _cells(x, names),
-                "note": x["note"],
-            }
-            for x in table["rows"]
-        ],
-        "printed": any(x["sigma_V"]["printed"] is not None for x in table["rows"]),
-        "rms": None
-        if r["sigma_V"] is None
-        else f"The rms difference is {number(r['s_V'], 2)} in s_V, {number(r['sigma_V'], 3)} rad in σ_V,"
-        f" {number(r['s_H'], 2)} in s_H, {number(r['sigma_H'], 3)} rad in σ_H and"
-        f" {number(r['shift_H_deg'], 2)}° in the shift.",
-        "notes": True,
-    }
-
-
-def _table_3(table: dict[str, Any]) -> dict[str, Any]:
-    names = (("s", 4), ("sigma", 3), ("shift_deg", 1))
-    r = table["rms_within_60_deg"]
-    counts = [
-        f"n = {n}: {number(x['sigma'], 3)} rad, {number(x['shift_deg'], 1)}°"
-        for n, x in table["rms_by_strands"].items()
-        if x["sigma"] is not None
-    ]
-    return {
-        "title": "Table 3: one Gaussian through n strands",
-        "about": "Of f·cos² θᵢ, the mean over all azimuths: a density of θᵢ. σ in radians, shift in degrees.",
-        "keys": ["n", "θᵣ"],
-        "columns": ["s", "σ", "shift"],
-        "rows": [
-            {
-                "keys": [f"{x['strands']:g}", f"{number(x['theta_r_deg'], 0)}°"],
-                "cells": _cells(x, names),
-                "note": x["note"],
-            }
-            for x in table["rows"]
-        ],
-        "printed": any(x["sigma"]["printed"] is not None for x in table["rows"]),
-        "rms": None
-        if r["sigma"] is None
-        else f"Within 60° the rms difference is {number(r['s'], 2)} in s, {number(r['sigma'], 3)} rad in σ and"
-        f" {number(r['shift_deg'], 1)}° in the shift ({'; '.join(counts)}).",
-        "notes": True,
-    }
 
 
 def _mixing(m: dict[str, Any], counts: list[str]) -> dict[str, Any]:

@@ -64,6 +64,8 @@ def combine(direct: Sampler, multiple: Sampler, weight: float, *, strands: float
         raise ValueError("weight must be in (0, 1), got 1; the direct sampler alone is what you ask for")
     if direct.even != multiple.even:
         raise ValueError("direct and multiple must both be even in phi or neither; fit both to models of one fibre")
+    if direct.family != multiple.family:
+        raise ValueError(f"direct and multiple must have lobes of one family, got {direct.family} and {multiple.family}")
     first = direct.row(0.0) if 0 in direct.strands or len(direct.strands) > 1 else direct
     if strands is not None:
         strands = validate.number("strands", strands, 0, validate.MAX_STRANDS, above=True)
@@ -89,7 +91,7 @@ def combine(direct: Sampler, multiple: Sampler, weight: float, *, strands: float
     about: dict[str, Any] = {k: v for k, v in direct.about.items() if k not in ("form", "objective", "functions")}
     covers = [0.0, *(sorted({n for n in multiple.strands if n > 0}) if strands is None else [strands])]
     about |= {"form": "combined", "weight": weight, "covers": covers}
-    return Sampler(np.concatenate(nodes, axis=3), energy, (0.0,), direct.even, about)
+    return Sampler(np.concatenate(nodes, axis=3), energy, (0.0,), direct.even, about, direct.family)
 
 
 def _refine(table: NDArray[np.float64], steps: int) -> NDArray[np.float64]:

@@ -14,16 +14,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from cuticle import _core
 from cuticle._support import validate
 from cuticle._support.files import read_text, write_text
-from cuticle.sampling.lobe_table import PARAMETERS, WEIGHT, check_table
+from cuticle.sampling.families import FAMILIES, NORMAL, core_table, padded
+from cuticle.sampling.lobe_table import PARAMETERS, check_table
 from cuticle.scattering.bcsdf import Sample
 from cuticle.scattering.fibre import Fibre
 
 FORMAT = "cuticle-sampler"
 FORMAT_VERSION = 1
-_SIZES = (1, 2, 4, 8, 16, 32)  # numbers of lobes that the core is compiled for
 
 
 class LobeSet(NamedTuple):
@@ -53,6 +52,7 @@ class SamplerFile(BaseModel):
     even: bool
     nodes: list[list[list[list[float]]]]  # [strands][theta_nodes][parameter][lobe], radians
     energy: list[list[float]]  # [strands][theta_nodes], ∫ f cos
+    family: str = NORMAL
     about: dict[str, Any] = {}
 
 
@@ -60,7 +60,7 @@ class SamplerFile(BaseModel):
 class Sampler:
     """Draws directions toward the light for a given viewer, and tells their density.
 
-    A mixture of K lobes, each a normal in theta_i truncated to [-pi/2, pi/2] times a normal in phi; the parameters
+    A mixture of K lobes, each a density in theta_i truncated to [-pi/2, pi/2] times one in phi; the parameters
     are linear between nodes in theta_r and in the number of strands. Between 0 strands and the next count the two
     rows' densities are mixed in proportion to their energies, as the scattering function is.
 
@@ -78,6 +78,8 @@ class Sampler:
         Whether lobes live in abs(phi) on [0, pi], either sign alike, or each on its own period.
     about
         What the sampler was made from: anything JSON can hold.
+    family
+        What density a lobe has along each coordinate, one of `cuticle.sampling.families.FAMILIES`.
     """
 
     nodes: NDArray[np.float64]
@@ -85,12 +87,14 @@ class Sampler:
     strands: tuple[float, ...] = (0.0,)
     even: bool = True
     about: dict[str, Any] = field(default_factory=dict)
+    family: str = NORMAL
 
     def __post_init__(self) -> None:
         nodes = np.array(self.nodes, np.float64)
         energy = np.array(self.energy, np.float64)
         object.__setattr__(self, "strands", tuple(float(n) for n in self.strands))
         check_table(nodes, energy, self.strands, self.even)
+        validate.choice("family", self.family, FAMILIES)
         for name, value in (("nodes", nodes), ("energy", energy)):
             value.setflags(write=False)
             object.__setattr__(self, name, value)
@@ -98,7 +102,8 @@ class Sampler:
     def __repr__(self) -> str:
         counts = ", ".join(f"{n:g}" for n in self.strands)
         form = f"{self.about['form']}, " if "form" in self.about else ""
-        return f"Sampler({form}{self.lobes} lobes, {self.nodes.shape[1]} theta nodes, strands {counts})"
+        kind = "" if self.family == NORMAL else f"{self.family} "
+        return f"Sampler({form}{self.lobes} {kind}lobes, {self.nodes.shape[1]} theta nodes, strands {counts})"
 
     @property
     def lobes(self) -> int:
@@ -129,7 +134,7 @@ class Sampler:
         if mixtures[0].shape[1] > self.lobes:
             raise ValueError(f"strands must be 0 or at least {min(self.strands[1], 1):g} for one row, got {n:g}")
         energy = [np.interp(n, self.strands, e) for e in self.energy.T]
-        return Sampler(np.array([mixtures]), np.array([energy]), (n,), self.even, self.about)
+        return Sampler(np.array([mixtures]), np.array([energy]), (n,), self.even, self.about, self.family)
 
     def pdf(self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike, strands: ArrayLike | None = None) -> NDArray:
         """Return the density of a direction, per steradian (d omega = cos(theta_i) d theta_i d phi).
@@ -200,7 +205,7 @@ class Sampler:
     def mixture(self, theta_r: float, strands: float | None = None) -> LobeSet:
         """Return the lobes at one theta_r (radians); 2 K of them between 0 and the next strand count."""
         tr = validate.number("theta_r", theta_r, -validate.HALF_PI, validate.HALF_PI, remedy=validate.RADIANS)
-        out = np.empty((2, len(PARAMETERS), self._padded))
+        out = np.empty((2, *self.padded_nodes.shape[2:]))
         self._double.mixture(tr, float(self._strands(strands, np.float64)), out)
         rows = out[:, :, : self.lobes] if out[1, 0].any() else out[:1, :, : self.lobes]
         return LobeSet(*np.concatenate(list(rows), axis=1))
@@ -252,11 +257,14 @@ class Sampler:
             theta_nodes=self.nodes.shape[1],
             strands=list(self.strands),
             even=self.even,
+            family=self.family,
             nodes=self.nodes.tolist(),
             energy=self.energy.tolist(),
             about=self.about,
         )
-        return json.dumps(file.model_dump(), allow_nan=False) + "\n"
+        # Files of normal lobes stay as they were: what reads them knows no other.
+        left_out = {"family"} if self.family == NORMAL else set()
+        return json.dumps(file.model_dump(exclude=left_out), allow_nan=False) + "\n"
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Sampler:
@@ -299,37 +307,25 @@ class Sampler:
         if nodes.shape != expected:
             raise ValueError(f"{source} is refused: nodes has shape {nodes.shape}, its header says {expected}")
         try:
-            return cls(nodes, energy, tuple(file.strands), file.even, file.about)
+            return cls(nodes, energy, tuple(file.strands), file.even, file.about, file.family)
         except ValueError as error:
             raise ValueError(f"{source} is refused: {error}") from None
 
     @property
     def padded_nodes(self) -> NDArray[np.float64]:
         """`nodes` with lobes of weight 0 added up to 1, 2, 4, 8, 16 or 32: what C++ packs into whole vectors."""
-        rows, theta_nodes, parameters, lobes = self.nodes.shape
-        padded = np.ones((rows, theta_nodes, parameters, self._padded))
-        padded[:, :, WEIGHT] = 0
-        padded[..., :lobes] = self.nodes
-        return padded
-
-    @property
-    def _padded(self) -> int:
-        return next(size for size in _SIZES if size >= self.lobes)
+        return padded(self.nodes)
 
     def _table(self, dtype: Any) -> Any:
         return self._single if dtype == np.float32 else self._double
 
     @cached_property
     def _single(self) -> Any:
-        return self._make("f")
+        return core_table(self.nodes, self.energy, self.strands, self.even, self.family, np.float32)
 
     @cached_property
     def _double(self) -> Any:
-        return self._make("d")
-
-    def _make(self, suffix: str) -> Any:
-        table = getattr(_core, f"Table{self._padded}{suffix}")
-        return table(self.padded_nodes, self.energy, np.array(self.strands), self.even)
+        return core_table(self.nodes, self.energy, self.strands, self.even, self.family)
 
     def _strands(self, strands: ArrayLike | None, dtype: Any) -> NDArray:
         if strands is None:

@@ -1,0 +1,54 @@
+"""Families of lobes: the density that each coordinate of a lobe has, by the name that the core knows it by.
+
+A family is a struct in include/cuticle/sampler and a line in src/native/families.h; docs/extending/lobe_family.md adds one.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cuticle import _core
+from cuticle.sampling.lobe_table import PARAMETERS, WEIGHT
+
+FAMILIES: tuple[str, ...] = _core.lobe_families  # the first is meant where none is named
+NORMAL = FAMILIES[0]
+_SIZES = (1, 2, 4, 8, 16, 32)  # numbers of lobes that the core is compiled for
+
+
+def padded(nodes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return nodes (..., 5, K) with lobes of weight 0 added up to 1, 2, 4, 8, 16 or 32: what the core packs into vectors."""
+    size = next(k for k in _SIZES if k >= nodes.shape[-1])
+    out = np.ones((*nodes.shape[:-1], size))
+    out[..., WEIGHT, :] = 0
+    out[..., : nodes.shape[-1]] = nodes
+    return out
+
+
+def core_table(
+    nodes: NDArray[np.float64],
+    energy: NDArray[np.float64],
+    strands: tuple[float, ...],
+    even: bool,
+    family: str = NORMAL,
+    dtype: Any = np.float64,
+) -> Any:
+    """Return the core's sampler of a table of lobes, shape (strand counts, theta nodes, 5, K), in `dtype`."""
+    whole = padded(nodes)
+    precision = "f" if dtype is np.float32 else "d"
+    ending = "" if family == NORMAL else f"_{family}"
+    return getattr(_core, f"Table{whole.shape[-1]}{precision}{ending}")(whole, energy, np.array(strands), even)
+
+
+def mixture_density(
+    lobes: NDArray[np.float64], theta_i: NDArray[np.float64], phi: NDArray[np.float64], even: bool, family: str = NORMAL
+) -> NDArray[np.float64]:
+    """Return the density of one mixture, lobes (5, K), on the product of two axes, in d theta_i d phi: shape (A, B)."""
+    assert lobes.shape[0] == len(PARAMETERS)
+    table = core_table(np.stack([lobes, lobes])[None], np.ones((1, 2)), (0.0,), even, family)
+    ti, ph = (np.ascontiguousarray(x).ravel() for x in np.broadcast_arrays(theta_i[:, None], phi))
+    out = np.empty(len(ti))
+    table.pdf(ti, np.zeros(1), ph, np.zeros(1), out)
+    return out.reshape(len(theta_i), len(phi)) * np.cos(theta_i)[:, None]
