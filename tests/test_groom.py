@@ -15,6 +15,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from command import run
+from cuticle.grooms import readers
 from cuticle.grooms.groom import Groom, join_grooms, read_groom
 from cuticle.grooms.procedural import hair_ball, hair_head, wavy_lock
 
@@ -192,6 +194,18 @@ def test_a_file_cut_anywhere_is_refused(groom: Groom, tmp_path: Path, make: Call
         path.write_bytes(data[:size])
         with pytest.raises(ValueError, match=r"a\.(hair|tfx|data)"):
             read_groom(path)
+
+
+def test_help_messages_and_docs_know_every_reader(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    page = (Path(__file__).parents[1] / "docs/grooms.md").read_text(encoding="utf-8")
+    said = run("render", "picture", "--help").stdout
+    for ending in (e for reader in readers.READERS for e in reader.endings):
+        assert f"`{ending}`" in page
+        assert ending in said
+    row = readers.Reader("Nothing", (".nothing",), lambda path: pytest.fail(f"{path} was read"))
+    monkeypatch.setattr(readers, "READERS", [*readers.READERS, row])
+    with pytest.raises(ValueError, match=r"one of \.hair, .*, \.nothing; got '\.xyz'"):
+        read_groom(tmp_path / "a.xyz")
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from cuticle.cli.terminal import JsonOption, out, progress_bar
 from cuticle.fitting.fit import SAMPLINGS
 from cuticle.grooms.groom import Groom, join_grooms, read_groom
 from cuticle.grooms.procedural import hair_ball, hair_head, wavy_lock
+from cuticle.grooms.readers import known_formats
 from cuticle.render.scene import INTEGRATORS, LIGHTS, Light, View, bsdf, integrator, load_scene, mitsuba
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.by_name import read_parameters_or_model
@@ -42,7 +43,8 @@ app = typer.Typer(
 GroomArgument = Annotated[
     list[str],
     typer.Argument(
-        metavar="GROOM…", help=f"Files (.hair .data .tfx .usd .abc .txt), taken together, or {' or '.join(BUILT_IN)}."
+        metavar="GROOM…",
+        help=f"Hair files, joined into one groom: {known_formats()}. Or a built-in groom: {', '.join(BUILT_IN)}.",
     ),
 ]
 FibreOption = Annotated[

@@ -182,21 +182,23 @@ def join_grooms(grooms: Sequence[Groom]) -> Groom:
 
 
 def read_groom(path: str | os.PathLike[str], *, radius: float | None = None) -> Groom:
-    """Read a groom: cyHair .hair, USC .data, TressFX .tfx (3 and 4), USD BasisCurves, or x y z radius text.
+    """Read a hair file; the file's ending selects the reader in `cuticle.grooms.readers.READERS`.
+
+    Strands of one point, and strands without width, are dropped.
 
     Parameters
     ----------
     path
-        The file; its ending tells the format.
+        The file.
     radius
-        For all points, in the file's unit, in place of what the file says; most files say nothing, and then 1/4000 of the
-        box's diagonal is taken.
+        Radius of all strands, in the file's unit. Overrides the file. A file without radii gets 1/4000 of the diagonal of
+        its bounding box.
 
     Raises
     ------
     ValueError
-        A file that cannot be read, is cut short, or says of itself what is not so, with the byte and the reason; a format
-        that is not known.
+        An unknown ending; a file that cannot be read, is cut short, or contradicts its own header. The message names the
+        byte and the reason.
     """
     from cuticle.grooms import readers
 

@@ -1,4 +1,7 @@
-"""Files of hair, each read whole after its header was held against the file's size: nothing is allocated on its word."""
+"""Hair file formats: one row of `READERS` each. Help texts and error messages are built from the table.
+
+A reader checks the header against the file's size first: nothing is allocated because a header says so.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ import os
 import struct
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,31 +19,53 @@ from cuticle.grooms.alembic import read_alembic
 Raw = tuple[NDArray[np.float32], NDArray[np.int64], NDArray[np.float32] | None]  # points, counts, radius
 
 
+class Reader(NamedTuple):
+    """One file format.
+
+    Attributes
+    ----------
+    name
+        What the format is called in help texts.
+    endings
+        The file name endings that select it, lower case, with the dot.
+    read
+        Returns the points of all strands (N, 3), the number of points of each strand, and a radius at each point, or
+        None where the format has no radii. Raises ValueError with the path and the reason.
+    """
+
+    name: str
+    endings: tuple[str, ...]
+    read: Callable[[Path], Raw]
+
+
 def read(path: str | os.PathLike[str]) -> Raw:
-    """Return points (N, 3), points of each strand, and radii if the file has them."""
+    """Read a hair file with the reader that its ending selects."""
     ending = Path(path).suffix.lower()
-    if ending in (".usd", ".usda", ".usdc", ".usdz"):
-        return _usd(Path(path))
-    if ending == ".abc":
-        return read_alembic(Path(path))
-    readers: dict[str, Callable[[str, bytes], Raw]] = {
-        ".hair": _cyhair,
-        ".data": _usc,
-        ".tfx": _tressfx,
-        ".txt": _text,
-        ".curves": _text,
-    }
-    if ending not in readers:
-        known = ", ".join([*readers, ".usd", ".abc"])
-        raise ValueError(f"{path}: a groom's format is told by its ending, one of {known}; got {ending or 'none'!r}")
+    for reader in READERS:
+        if ending in reader.endings:
+            return reader.read(Path(path))
+    raise ValueError(f"{path}: a groom file must end in one of {known_endings()}; got {ending or 'none'!r}")
+
+
+def known_endings() -> str:
+    """Return every ending that can be read, in words for a message."""
+    return ", ".join(ending for reader in READERS for ending in reader.endings)
+
+
+def known_formats() -> str:
+    """Return every format with its endings, in words for a help text."""
+    return ", ".join(f"{reader.name} ({' '.join(reader.endings)})" for reader in READERS)
+
+
+def read_bytes(path: Path) -> bytes:
+    """Return the whole file, or raise ValueError with the reason."""
     try:
-        data = Path(path).read_bytes()
+        return path.read_bytes()
     except OSError as error:
         raise ValueError(f"cannot read groom {path}: {error.strerror or error}") from None
-    return readers[ending](str(path), data)
 
 
-def _take(path: str, data: bytes, at: int, kind: str, count: int, what: str) -> NDArray:
+def _take(path: Path, data: bytes, at: int, kind: str, count: int, what: str) -> NDArray:
     """Return `count` values of a NumPy type at byte `at`, or say where the file ends."""
     size = np.dtype(kind).itemsize * count
     if at + size > len(data):
@@ -51,20 +77,21 @@ def _take(path: str, data: bytes, at: int, kind: str, count: int, what: str) -> 
     return np.frombuffer(data, kind, count, at)
 
 
-def _header(path: str, data: bytes, layout: str, at: int = 0) -> tuple:
+def _header(path: Path, data: bytes, layout: str, at: int = 0) -> tuple:
     size = struct.calcsize(layout)
     if len(data) < at + size:
         raise ValueError(f"{path} is cut short: its header needs bytes {at} to {at + size}, the file has {len(data)}")
     return struct.unpack_from(layout, data, at)
 
 
-def _some(path: str, count: int, what: str, at: int) -> None:
+def _some(path: Path, count: int, what: str, at: int) -> None:
     if count <= 0:
         raise ValueError(f"{path}: it says it holds {count} {what} (byte {at})")
 
 
-def _cyhair(path: str, data: bytes) -> Raw:
+def _cyhair(path: Path) -> Raw:
     """Cem Yuksel's cyHair: 128 bytes of header, then arrays that its flags name."""
+    data = read_bytes(path)
     magic, strands, points, flags, segments, thickness = _header(path, data, "<4sIIIIf")
     if magic != b"HAIR":
         raise ValueError(f"{path} is no cyHair file: bytes 0 to 4 are {magic!r}, not b'HAIR'")
@@ -95,8 +122,9 @@ def _cyhair(path: str, data: bytes) -> Raw:
     return xyz, counts, radius
 
 
-def _usc(path: str, data: bytes) -> Raw:
+def _usc(path: Path) -> Raw:
     """USC-HairSalon's .data: int32 strands, then for each int32 points and their float32 x y z."""
+    data = read_bytes(path)
     (strands,) = _header(path, data, "<i")
     _some(path, strands, "strands", 0)
     if 4 + 4 * strands > len(data):
@@ -114,8 +142,9 @@ def _usc(path: str, data: bytes) -> Raw:
     return np.concatenate(parts).reshape(-1, 3), np.array(counts, np.int64), None
 
 
-def _tressfx(path: str, data: bytes) -> Raw:
+def _tressfx(path: Path) -> Raw:
     """AMD TressFX: version 3 holds x y z from byte 296, version 4 x y z w where its header says."""
+    data = read_bytes(path)
     version, strands, vertices, offset = _header(path, data, "<fIII")
     if not 3 <= version < 5:
         raise ValueError(f"{path}: it has TressFX version {version:g} (byte 0), 3 and 4 can be read")
@@ -132,8 +161,9 @@ def _tressfx(path: str, data: bytes) -> Raw:
     return xyz, np.full(strands, vertices, np.int64), None
 
 
-def _text(path: str, data: bytes) -> Raw:
+def _text(path: Path) -> Raw:
     """Mitsuba's text: x y z radius a line, a blank line between strands; read as points, not as control points."""
+    data = read_bytes(path)
     try:
         lines = data.decode("utf-8").splitlines()
     except UnicodeDecodeError as error:
@@ -199,3 +229,13 @@ def _usd(path: Path) -> Raw:
         np.concatenate(counts),
         np.concatenate(radius).astype(np.float32) if whole else None,
     )
+
+
+READERS = [
+    Reader("cyHair", (".hair",), _cyhair),
+    Reader("USC-HairSalon", (".data",), _usc),
+    Reader("TressFX 3 and 4", (".tfx",), _tressfx),
+    Reader("USD", (".usd", ".usda", ".usdc", ".usdz"), _usd),
+    Reader("Alembic", (".abc",), read_alembic),
+    Reader("Mitsuba's text", (".txt", ".curves"), _text),
+]
