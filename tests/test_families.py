@@ -1,4 +1,4 @@
-"""Families of lobes in Python: fits, files, combined samplers, proofs. The densities themselves are tests/cpp/families.cpp's."""
+"""Families of lobes in Python: fits, files, combined samplers and proofs. Their densities: tests/cpp/families.cpp."""
 
 from __future__ import annotations
 

@@ -35,11 +35,12 @@ def test_a_fibres_own_function_gives_what_its_lobes_give(pair: tuple[DualScatter
         for theta_r in np.radians([-45, -20, 0, 30]):
             a, b = (m.with_strands(n).eval(THETA[:, None], theta_r, PHI) for m in (dual, ours))
             assert (np.abs(a - b) * COSINES).sum() < limit * (a * COSINES).sum(), (n, np.degrees(theta_r))
-    for theta_r in np.radians([-75, 60, 80]):  # near the poles the shape is another, the energy is not
-        for n in (0, 1, 4):
-            np.testing.assert_allclose(
-                energy(ours.with_strands(n), theta_r), energy(dual.with_strands(n), theta_r), rtol=0.06
-            )
+    # The energy is one and the same, whatever the inclination: both take it from the same averages. What is left is the
+    # quadrature's and the tables' error, 0.5 % at most.
+    for theta_r in np.radians([-75, -45, 0, 60, 80]):
+        for n in (0, 1, 4, 8):
+            mine, theirs = (energy(m.with_strands(n), theta_r) for m in (ours, dual))
+            np.testing.assert_allclose(mine, theirs, rtol=0.01, err_msg=f"{n} strands, {np.degrees(theta_r):g}°")
 
 
 def test_a_sampler_fitted_to_it_serves_the_closed_form() -> None:
