@@ -25,6 +25,14 @@ if LLVM:
 COUNTS = (0.0, 1.0, 2.0, 4.0, 8.0)
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mitsuba's other variants repeat what the scalar one shows, most of them after minutes of compiling: they are slow."""
+    for item in items:
+        call = getattr(item, "callspec", None)
+        if call is not None and call.params.get("variant", "scalar_rgb") != "scalar_rgb":
+            item.add_marker(pytest.mark.slow)
+
+
 @pytest.fixture(scope="session")
 def document_model() -> cuticle.DualScattering:
     return cuticle.DualScattering(cuticle.Fibre.preset("document"))

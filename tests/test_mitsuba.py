@@ -244,6 +244,7 @@ def test_parameters_are_traversed_and_change_what_is_seen(use_variant: UseVarian
     assert relative(before, f) > 0.1
 
 
+@pytest.mark.slow
 def test_absorption_is_differentiable(use_variant: UseVariant) -> None:
     mi = use_variant("llvm_ad_rgb")
     import drjit as dr
@@ -270,6 +271,7 @@ def test_absorption_is_differentiable(use_variant: UseVariant) -> None:
     assert float(np.ravel(np.array(scale.grad))[0]) == pytest.approx(slope, rel=0.02)  # of an interpolation
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sampling", ["lobes", "document", "uniform"])
 def test_every_sampling_tells_its_own_density(sampling: str, use_variant: UseVariant) -> None:
     mi = use_variant("llvm_ad_rgb")
@@ -287,6 +289,7 @@ def test_every_sampling_tells_its_own_density(sampling: str, use_variant: UseVar
         assert relative(said.pdf, single.pdf(i.theta, r.theta, i.phi - r.phi)) <= 2e-4
 
 
+@pytest.mark.slow
 def test_a_sampler_file_is_what_is_drawn_from(tmp_path: Path, use_variant: UseVariant) -> None:
     mi = use_variant("llvm_ad_rgb")
     model = cuticle.DualScattering(cuticle.Fibre.preset("brown"))
@@ -314,6 +317,7 @@ def test_says_what_it_holds(use_variant: UseVariant) -> None:
 VIEWERS = (0, 60, -60, 85, -85)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees", VIEWERS)
 @pytest.mark.parametrize("fibre", FIBRES)
 def test_passes_mitsubas_chi_square(fibre: str, degrees: float, use_variant: UseVariant) -> None:
@@ -322,6 +326,7 @@ def test_passes_mitsubas_chi_square(fibre: str, degrees: float, use_variant: Use
     assert passed, p_value
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("roughness", "eumelanin"), [(0.25, 0.3), (0.3, 1.3)])
 def test_mitsubas_own_hair_fails_the_same(roughness: float, eumelanin: float, use_variant: UseVariant) -> None:
     mi = use_variant("llvm_ad_rgb")

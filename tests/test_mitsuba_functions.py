@@ -76,6 +76,7 @@ def test_the_near_field_says_what_python_says(variant: str, folder: Path, use_va
     assert apart.max() <= 2e-3
 
 
+@pytest.mark.slow
 def test_the_near_field_is_mitsubas_hair_with_a_right_pdf(use_variant: UseVariant, tmp_path: Path) -> None:
     """The same picture as `hair`, and an audit that `hair` fails at this roughness."""
     mi = use_variant("llvm_ad_rgb")

@@ -57,6 +57,7 @@ def test_white_furnace(variant: str, roughness: dict[str, float], strand: Groom,
         assert np.abs(one - 1).max() <= 0.02
 
 
+@pytest.mark.slow
 def test_uniform_and_lobes_converge_to_one_picture(ball: Groom, use_variant: UseVariant) -> None:
     mi = use_variant("scalar_rgb")
     view = View(width=16, height=16)  # large pixels: their means are all but normal
@@ -92,6 +93,7 @@ def test_every_light_reaches_hair_through_hair(kind: str, counter: str, ball: Gr
     assert np.abs(dual / path - 1).max() <= 0.12  # light off the straight line to it is left out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fibre", ["blond", "brown", "black"])
 def test_dual_scattering_in_diffuse_light_is_as_bright_as_paths(fibre: str, use_variant: UseVariant) -> None:
     mi = use_variant("scalar_rgb")
@@ -268,6 +270,7 @@ def test_command_line(tmp_path: Path) -> None:
     assert (tmp_path / "ball.png").stat().st_size > 500
 
 
+@pytest.mark.slow
 def test_command_line_compares(tmp_path: Path) -> None:
     ran = run_program(
         "render", "compare", "ball", "-o", "out", "--seconds", "0.3", "--reference-spp", "64", "--width", "48", cwd=tmp_path
