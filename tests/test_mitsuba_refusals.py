@@ -18,8 +18,8 @@ from test_mitsuba import UseVariant
     [
         (
             {"fibre": "purple"},
-            "a scattering function must be a preset (document, marschner, blond, brown, black), a .toml with [fibre] or [chiang],"
-            " a table (.npz, .csv), or mitsuba:PLUGIN; got 'purple'",
+            "a scattering function must be a preset (document, marschner, blond, brown, black), a .toml with [fibre] or"
+            " [chiang], a table (.npz, .csv), or mitsuba:PLUGIN; got 'purple'",
         ),
         ({"fibre": "brown", "betaR": 3.0}, "cuticle has no parameter 'betaR'"),
         ({}, "cuticle needs a fibre"),

@@ -37,11 +37,11 @@ class Fit:
     largest_weight, total_variation
         Shape (strand counts, T).
     seconds
-        How long the fit took, the measuring left out.
+        Time of the fit, without the measurement.
     form, objective
-        As asked for.
+        The arguments of `fit`.
     candidates
-        The numbers of lobes that were weighed, where the choice was left to the program.
+        The numbers of lobes that were compared, if `fit` chose.
     """
 
     sampler: Sampler

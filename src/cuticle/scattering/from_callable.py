@@ -1,4 +1,4 @@
-"""A scattering function given as a Python function: exact where it takes arrays, tabulated where it is slow or noisy."""
+"""A scattering function given as a Python function: used as it is if it takes arrays, tabulated if it is slow or noisy."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ _PROBES = 16
 
 
 class Function:
-    """A deterministic function of arrays as a scattering function; `from_callable` makes one.
+    """A scattering function that calls a deterministic Python function of arrays. Made by `from_callable`.
 
     Parameters
     ----------
     function
-        function(theta_i, theta_r, phi) -> f in 1/sr without a cosine, radians; arrays of one shape in, that shape or
-        that shape plus channels out.
+        function(theta_i, theta_r, phi) returns f in 1/sr without a cosine. It takes arrays of one shape in radians, and
+        returns that shape, or that shape plus channels.
     even
         Whether f(phi) = f(-phi).
     """
@@ -64,10 +64,11 @@ def from_callable(
     Parameters
     ----------
     function
-        function(theta_i, theta_r, phi) -> f in 1/sr without a cosine, angles in radians. Of arrays (of one shape; it
-        returns that shape, or that shape plus channels), or of single numbers (it returns one value or one a channel).
+        function(theta_i, theta_r, phi) returns f in 1/sr without a cosine; angles are radians. It takes arrays of one
+        shape and returns that shape, or that shape plus channels; or it takes single numbers and returns one value, or
+        one per channel.
     even
-        Whether f(phi) = f(-phi); halves the work and serves the sampler.
+        Whether f(phi) = f(-phi). It halves the work, and lobes serve both sides.
     repeats
         How often an estimator is asked at each point; if left out, until the standard error is 5 % of f on average, or
         256 times. Ignored where two calls agree.
