@@ -182,7 +182,7 @@ def test_document_prints_json_with_the_printed_tables(data: Path, tmp_path: Path
     [
         (("document", "nobody"), "must be a preset"),
         (("document", "--printed", "nowhere"), "table1.csv is missing"),
-        (("report", "nowhere"), "is no folder"),
+        (("report", "nowhere"), "is not a folder"),
         (("report", "."), "holds none of fit.json, check.json, document.json"),
         (("report",), "Missing argument"),
     ],

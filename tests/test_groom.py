@@ -211,7 +211,7 @@ def test_help_messages_and_docs_know_every_reader(monkeypatch: pytest.MonkeyPatc
 @pytest.mark.parametrize(
     ("name", "data", "words"),
     [
-        ("a.hair", lambda g: b"HAIL" + cyhair(g)[4:], "no cyHair file: bytes 0 to 4 are b'HAIL'"),
+        ("a.hair", lambda g: b"HAIL" + cyhair(g)[4:], "not a cyHair file: bytes 0 to 4 are b'HAIL'"),
         ("a.hair", lambda g: cyhair(g, strands=0), "holds 0 strands"),
         ("a.hair", lambda g: cyhair(g, strands=2**32 - 1), "cut short: the strands' segments needs bytes 128"),
         ("a.hair", lambda g: cyhair(g, points=2**32 - 1), "its header says 4294967295"),
@@ -229,14 +229,14 @@ def test_help_messages_and_docs_know_every_reader(monkeypatch: pytest.MonkeyPatc
         ("a.txt", lambda g: b"1 2 3\n", "line 1 must be x y z radius, got '1 2 3'"),
         ("a.txt", lambda g: b"1 2 3 4\n1 2 x 4\n", "line 2 must be"),
         ("a.txt", lambda g: b"\n\n", "holds no strand"),
-        ("a.txt", lambda g: b"\xff\xfe", "is no text"),
+        ("a.txt", lambda g: b"\xff\xfe", "is not UTF-8 text"),
         ("a.txt", lambda g: b"1 2 3 4\n", "no strand has 2 points"),
         ("a.txt", lambda g: b"1 2 nan 4\n1 2 3 4\n", "point 0 is"),
         ("a.txt", lambda g: b"1 2 3 -4\n1 2 3 4\n", "radius must be finite and at least 0"),
-        ("a.abc", lambda g: b"", "is no Alembic archive: bytes 0 to 5 are b''"),
+        ("a.abc", lambda g: b"", "is not an Alembic archive: bytes 0 to 5 are b''"),
         ("a.abc", lambda g: b"\x89HDF\r\n\x1a\n" + bytes(16), "in HDF5"),
         ("a.abc", lambda g: b"Ogawa\xff\x00\x01", "its header needs bytes 0 to 16, the file has 8"),
-        ("a.abc", lambda g: b"Ogawa\x00\x00\x01" + bytes(8), "never closed by what wrote it"),
+        ("a.abc", lambda g: b"Ogawa\x00\x00\x01" + bytes(8), "was not closed by the program that wrote it"),
         (
             "a.abc",
             lambda g: b"Ogawa\xff\x00\x01" + struct.pack("<Q", 2**63),

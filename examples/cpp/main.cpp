@@ -1,4 +1,4 @@
-// An exported sampler in a program of its own: draws directions, and tests by a chi-square that they fall as its pdf says.
+// A program around an exported sampler: it draws directions and tests with a chi-square that they follow the pdf.
 //
 //   cuticle fit brown --strands 0,1,2,4,8 -o brown
 //   cuticle export brown --to cpp --name brown -o brown.h
@@ -29,7 +29,7 @@ std::vector<double> expected(double theta_r, double strands) {
     return mass;
 }
 
-// How often samples fall into every cell.
+// How many samples fall into every cell.
 std::vector<double> observed(double theta_r, double strands, int count, std::mt19937 &rng) {
     std::vector<double> hits(thetas * phis, 0.);
     std::uniform_real_distribution<double> u(0, 1);
@@ -69,7 +69,7 @@ double deviations(const std::vector<double> &mass, const std::vector<double> &hi
 
 int main() {
     constexpr int count = 200000;
-    constexpr double limit = 4;  // one false alarm in 30,000
+    constexpr double limit = 4;  // a false-positive rate of 1 in 30,000
     std::mt19937 rng(1);
     bool ok = true;
     std::printf("%d lobes, %d samples a row\n", brown::lobes, count);
@@ -85,6 +85,6 @@ int main() {
             std::printf("%7.0f° %8g %10.5f %11.2f%s\n", degrees, strands, integral, z, good ? "" : "  <- does not match");
             ok = ok && good;
         }
-    std::printf(ok ? "samples fall as the pdf says\n" : "the pdf does not describe the samples\n");
+    std::printf(ok ? "samples follow the pdf\n" : "the pdf does not describe the samples\n");
     return ok ? 0 : 1;
 }

@@ -1,4 +1,4 @@
-"""Reading and writing files: the reason in one line, never half a file."""
+"""Reading and writing files: errors in one line, and no half-written files."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def read_text(path: str | os.PathLike[str], what: str) -> str:
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> Path:
-    """Write a file whole or not at all, and return its path."""
+    """Write a text file whole or not at all, and return its path."""
     return write_bytes(path, text.encode("utf-8"))
 
 
@@ -87,7 +87,7 @@ def toml_table(name: str, values: Mapping[str, Any]) -> str:
 
 
 def writable_directory(path: str | os.PathLike[str], *, make: bool = True) -> Path:
-    """Make sure files can be written to a directory, made if it is not there, or raise ValueError."""
+    """Return a directory after checking that files can be written to it; create it if `make`, or raise ValueError."""
     target = Path(path)
     try:
         if make:

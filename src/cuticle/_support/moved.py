@@ -1,4 +1,4 @@
-"""Old import paths that the documentation named: they work for one release, and warn."""
+"""Import paths that the documentation used to name. They work for one release, and warn."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _HELD = ("draft.tables", "draft.functions", "draft.gaussians", "draft.printed", 
 
 
 class _Moved(ModuleType):
-    """Stands at an old path and hands out what lies at the new one."""
+    """A module at an old path that returns the names of the new one."""
 
     def __init__(self, old: str, new: str) -> None:
         super().__init__(old, f"Moved to {new}.")
@@ -49,7 +49,7 @@ def _held(new: str) -> tuple[str, ...]:
 
 
 def install() -> None:
-    """Put what stands at the old paths into `sys.modules`, where no module of that name is."""
+    """Add the old paths to `sys.modules`, unless a module of that name exists."""
     for old, new in MOVED.items():
         name = f"cuticle.{old}"
         sys.modules.setdefault(name, _Moved(name, f"cuticle.{new}"))

@@ -14,7 +14,10 @@ T = TypeVar("T", bound="TomlModel")
 
 
 class TomlModel(BaseModel):
-    """A frozen set of parameters that reads and writes itself; a class says its table's name and what helps who errs."""
+    """Frozen parameters that read and write themselves as TOML.
+
+    A class sets the name of its table, and `table_remedy`, which error messages end with.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     table_name: ClassVar[str]
@@ -22,7 +25,7 @@ class TomlModel(BaseModel):
 
     @classmethod
     def from_toml(cls: type[T], text: str, *, source: str = "TOML") -> T:
-        """Read it from TOML text with its one table; `source` names it in errors."""
+        """Read it from TOML text with one table; error messages call it `source`."""
 
         def make(table: dict[str, Any]) -> T:
             return cls(**table)

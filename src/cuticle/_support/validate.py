@@ -1,4 +1,4 @@
-"""Checks on what a user hands in: one line that names the value, its range, what came and what to do."""
+"""Checks of user input. A message is one line: the name, its range, the value received, the remedy."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def number(
 
 
 def ranges(values: Mapping[str, Any], allowed: Ranges) -> dict[str, Any]:
-    """Return `values` less those that are None, each number that `allowed` names checked against its range."""
+    """Return `values` without those that are None; raise for a number outside the range in `allowed`."""
     out = {name: value for name, value in values.items() if value is not None}
     for name, (low, high, unit, remedy, above) in allowed.items():
         if name in out:
@@ -40,7 +40,7 @@ def ranges(values: Mapping[str, Any], allowed: Ranges) -> dict[str, Any]:
 
 
 def channel_values(name: str, given: Any, low: float, high: float, *, unit: str = "", remedy: str = "") -> tuple[float, ...]:
-    """Return one value a channel, 1 to 32 of them, each in [low, high]; a number is one channel."""
+    """Return 1 to 32 channel values, each in [low, high]; a single number is one channel."""
     channels = given if isinstance(given, (list, tuple, np.ndarray)) else [given]
     if not 1 <= len(channels) <= 32:
         raise ValueError(f"{name} must have 1 to 32 channels, got {len(channels)}; linear RGB has 3")
@@ -117,7 +117,7 @@ def flat(x: NDArray, shape: tuple[int, ...]) -> NDArray:
 
 
 def float_type(*values: ArrayLike) -> Any:
-    """Return float32 if every array among `values` is single precision, else float64; plain numbers have no say."""
+    """Return float32 if every array among `values` is single precision, else float64; plain numbers do not count."""
     kinds = {np.asarray(v).dtype for v in values if isinstance(v, (np.ndarray, np.generic))}
     return np.float32 if kinds == {np.dtype(np.float32)} else np.float64
 

@@ -1,4 +1,4 @@
-"""The command line: one module a command, imported when the command is called."""
+"""The command line: one module per command, imported when the command is called."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-# What `cuticle --help` says of each, so that it imports none of them; the first line of the command's own help.
+# Kept here so that `cuticle --help` imports none of the commands; each is the first line of that command's own help.
 COMMANDS = {
     "fibres": "List the published fibres and where their numbers come from.",
-    "fit": "Fit a sampler to a fibre, a table of values or a material of Mitsuba.",
-    "check": "Check a sampler: a table of verdicts, and exit code 1 where one fails.",
-    "document": "Reproduce and complete the draft description: its tables, functions, figures and claims, for any fibre.",
-    "report": "Write one self-contained HTML page from the results of fit, check and document that lie in a folder.",
-    "render": "Render a groom with Mitsuba: `cuticle render GROOM -o picture.png`, options as of `picture`.",
-    "export": "Write a sampler as one file for C++, CUDA, GLSL or HLSL, as JSON, or as a web page to turn it in.",
-    "audit": "Audit a sampler: does it draw what its pdf claims? Exit code 1 where a verdict fails.",
+    "fit": "Fit a sampler to a fibre, a table of values or a Mitsuba material.",
+    "check": "Check a sampler and print a table of verdicts. Exit code 1 if one fails.",
+    "document": "Recompute the draft description for any fibre: its tables, functions, figures and claims.",
+    "report": "Write one self-contained HTML page from the results of fit, check and document in a folder.",
+    "render": "Render a groom with Mitsuba: `cuticle render GROOM -o picture.png`, with the options of `picture`.",
+    "export": "Write a sampler as one file for C++, CUDA, GLSL or HLSL, as JSON, or as an interactive web page.",
+    "audit": "Audit any sampler: do its samples follow its pdf? Exit code 1 if a verdict fails.",
 }
 HIDDEN = ("demo",)
 _LOOK: dict[str, Any] = {"add_completion": False, "pretty_exceptions_enable": False}
 
 
 class _OnDemand(TyperGroup):
-    """Commands whose modules are imported when they are called, not to list them."""
+    """A group that imports a command's module only when that command is called."""
 
     listing = False
 
@@ -58,7 +58,7 @@ def load(name: str) -> Any:
 
 
 app = typer.Typer(
-    help="Importance samplers for hair fibres: fitted to a scattering function, and proven.",
+    help="Importance samplers for hair fibres: fitted to a scattering function, and proven correct.",
     cls=_OnDemand,
     no_args_is_help=True,
     **_LOOK,
@@ -100,13 +100,19 @@ def _options(
     include: Annotated[
         bool,
         typer.Option(
-            "--include-dir", help="Print where the C++ headers lie.", is_eager=True, callback=_print_and_exit(_include_dir)
+            "--include-dir",
+            help="Print the folder of the C++ headers.",
+            is_eager=True,
+            callback=_print_and_exit(_include_dir),
         ),
     ] = False,
     cmake: Annotated[
         bool,
         typer.Option(
-            "--cmake-dir", help="Print where cuticleConfig.cmake lies.", is_eager=True, callback=_print_and_exit(_cmake_dir)
+            "--cmake-dir",
+            help="Print the folder of cuticleConfig.cmake.",
+            is_eager=True,
+            callback=_print_and_exit(_cmake_dir),
         ),
     ] = False,
 ) -> None:
@@ -118,7 +124,7 @@ _UsageError: Any = next(c for c in typer.BadParameter.__mro__ if c.__name__ == "
 
 
 def main() -> None:
-    """Run the command line: exit code 2 and one line for bad input, 1 for a verdict that fails."""
+    """Run the command line. Bad input ends with one line and exit code 2, a failed verdict with exit code 1."""
     warnings.showwarning = _note  # type: ignore[assignment]
     try:
         code = app(args=sys.argv[1:] or ["--help"], standalone_mode=False)

@@ -1,4 +1,4 @@
-"""`cuticle audit`: any sampler, from a plugin's name, a sampler's file or a file of samples."""
+"""`cuticle audit`: verdicts on any sampler, given as a plugin's name, a sampler's file or a file of samples."""
 
 from __future__ import annotations
 
@@ -30,31 +30,31 @@ def command(
         str,
         typer.Argument(
             metavar="TARGET",
-            help="mitsuba:PLUGIN, a sampler's file or folder, a .toml with a table named chiang, or samples (.npz, .csv).",
+            help="mitsuba:PLUGIN, a sampler's file or folder, a TOML file with the table chiang, or samples (.npz, .csv).",
         ),
     ],
     parameters: ParametersArgument = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="DIR", help="Folder for audit.json and audit.png.")
     ] = None,
-    h: Annotated[
-        float, typer.Option("--h", help="Offset over the fibre's width, -1 to 1, of a material or a near field.")
-    ] = 0.0,
+    h: Annotated[float, typer.Option("--h", help="Offset across the fibre, -1 to 1, for a material or a near field.")] = 0.0,
     theta_r: Annotated[
-        str | None, typer.Option("--theta-r", metavar="T,T,…", help="Viewers, degrees; ±{0, 30, 60, 75, 85} if left out.")
+        str | None, typer.Option("--theta-r", metavar="T,T,…", help="Viewers, degrees. Default: ±{0, 30, 60, 75, 85}.")
     ] = None,
-    strands: Annotated[float | None, typer.Option(help="Of a sampler that covers several counts; 0 if left out.")] = None,
-    samples: Annotated[int, typer.Option(help="Samples a viewer.")] = SAMPLES,
-    level: Annotated[float, typer.Option(help="Chance that a right sampler fails.")] = LEVEL,
-    seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 1,
+    strands: Annotated[
+        float | None, typer.Option(help="Strand count, for a sampler that covers several. Default: 0.")
+    ] = None,
+    samples: Annotated[int, typer.Option(help="Samples per viewer.")] = SAMPLES,
+    level: Annotated[float, typer.Option(help="False-positive rate: how often a correct sampler may fail.")] = LEVEL,
+    seed: Annotated[int, typer.Option(help="Seed of the random numbers.")] = 1,
     variant: Annotated[
-        str, typer.Option(help="Of Mitsuba: scalar_rgb needs nothing, llvm_ad_rgb is faster where LLVM 19 is.")
+        str, typer.Option(help="Mitsuba variant: scalar_rgb needs nothing else, llvm_ad_rgb is faster and needs LLVM 19.")
     ] = "scalar_rgb",
-    reciprocity: Annotated[bool, typer.Option("--reciprocity", help="Ask that f is the same both ways.")] = False,
-    energy: Annotated[bool, typer.Option("--energy", help="Ask that no more light leaves than came.")] = False,
+    reciprocity: Annotated[bool, typer.Option("--reciprocity", help="Also require reciprocity of f.")] = False,
+    energy: Annotated[bool, typer.Option("--energy", help="Also require that f creates no energy.")] = False,
     json_output: JsonOption = False,
 ) -> None:
-    """Audit a sampler: does it draw what its pdf claims? Exit code 1 where a verdict fails."""
+    """Audit any sampler: do its samples follow its pdf? Exit code 1 if a verdict fails."""
     angles = None if theta_r is None else _angles(theta_r)
     if output is not None:
         writable_directory(output)
@@ -153,7 +153,7 @@ def _tell(made: Audit | Dump) -> None:
     out.print(verdict_table(title, made.verdicts))
     for note in made.notes:
         out.print(f"note: {note}", soft_wrap=True, highlight=False)
-    sure = f"a right sampler would fail once in {1 / made.level:,.0f} audits"
+    sure = f"false-positive rate: 1 in {1 / made.level:,.0f} audits"
     out.print(f"[green]passes[/] ({sure})" if made.ok else f"[red]FAILED[/] ({sure})")
 
 

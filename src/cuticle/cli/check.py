@@ -22,19 +22,24 @@ def command(
     ],
     model: Annotated[
         str | None,
-        typer.Option("--model", "--fibre", metavar="PRESET|FILE", help="Check against this one, not the sampler's own."),
+        typer.Option(
+            "--model",
+            "--fibre",
+            metavar="PRESET|FILE",
+            help="The scattering function to check against. Default: the sampler's own.",
+        ),
     ] = None,
     strands: Annotated[
-        str | None, typer.Option(metavar="N,N,…", help="Strand counts; the sampler's own if left out.")
+        str | None, typer.Option(metavar="N,N,…", help="Strand counts. Default: those that the sampler covers.")
     ] = None,
-    samples: Annotated[int, typer.Option(help="Samples a case.")] = 1_000_000,
-    seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 1,
+    samples: Annotated[int, typer.Option(help="Samples per case.")] = 1_000_000,
+    seed: Annotated[int, typer.Option(help="Seed of the random numbers.")] = 1,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write the report as JSON there, too.")
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Also write the report to this JSON file.")
     ] = None,
     json_output: JsonOption = False,
 ) -> None:
-    """Check a sampler: a table of verdicts, and exit code 1 where one fails."""
+    """Check a sampler and print a table of verdicts. Exit code 1 if one fails."""
     path = sampler / "sampler.json" if sampler.is_dir() else sampler
     loaded = Sampler.from_json(read_text(path, "sampler"), source=str(path))
     function = model_of(loaded, model)

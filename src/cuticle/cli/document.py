@@ -1,4 +1,4 @@
-"""`cuticle document`: the draft description, reproduced and completed."""
+"""`cuticle document`: the draft description, recomputed for any fibre."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ def command(
     parameters: ParametersArgument = None,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="DIR", help="Folder for document.json, and the figures as SVG and PNG."),
+        typer.Option("-o", "--output", metavar="DIR", help="Folder for document.json and the figures (SVG and PNG)."),
     ] = None,
     printed: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Folder of the draft's table1.csv, table2.csv, table3.csv, to compare with."),
+        typer.Option(metavar="DIR", help="Folder with the draft's table1.csv, table2.csv and table3.csv, to compare with."),
     ] = None,
     json_output: JsonOption = False,
 ) -> None:
-    """Reproduce and complete the draft description: its tables, functions, figures and claims, for any fibre."""
+    """Recompute the draft description for any fibre: its tables, functions, figures and claims."""
     with progress_bar(json_output) as progress:
         parsed = read_model(model, parameters or (), progress=progress)
     tables = Printed.load(printed) if printed is not None else Printed.find() if model == "document" else None
@@ -45,7 +45,7 @@ def command(
     _tell_document(result)
     if model == "document" and tables is None:
         out.print(
-            "The draft's own tables are not at hand: --printed DIR (or $CUTICLE_DATA) compares with them.", soft_wrap=True
+            "To compare with the draft's printed tables, name their folder: --printed DIR, or $CUTICLE_DATA.", soft_wrap=True
         )
     if output is not None:
         out.print(f"wrote {output / 'document.json'} and {output / 'figures'}", soft_wrap=True)

@@ -23,26 +23,26 @@ def command(
     ] = None,
     to: Annotated[str | None, typer.Option(help=" | ".join(HOSTS))] = None,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="The file to write.")] = ...,  # type: ignore[assignment]
-    frame: Annotated[
-        str, typer.Option(help=f"Whose frame directions are in: {' | '.join(FRAMES)}.", metavar="FRAME")
-    ] = "local-x",
+    frame: Annotated[str, typer.Option(help=f"Frame of the directions: {' | '.join(FRAMES)}.", metavar="FRAME")] = "local-x",
     name: Annotated[
         str | None,
-        typer.Option(help="Namespace in C++, prefix in shaders; the output's name if left out.", metavar="NAME"),
+        typer.Option(help="Namespace in C++, prefix in shaders. Default: the output's name.", metavar="NAME"),
     ] = None,
     with_model: Annotated[
         bool,
-        typer.Option("--with-model/--sampler-only", help="Put the scattering function in, too: eval beside sample and pdf."),
+        typer.Option("--with-model/--sampler-only", help="Include the scattering function: eval beside sample and pdf."),
     ] = False,
     model: Annotated[
         str | None,
-        typer.Option("--model", metavar="PRESET|FILE", help="The scattering function to put in, not the sampler's own."),
+        typer.Option(
+            "--model", metavar="PRESET|FILE", help="The scattering function to include. Default: the sampler's own."
+        ),
     ] = None,
     amalgamated: Annotated[
         bool, typer.Option("--amalgamate", help="Write the core's headers as one file, without a sampler.")
     ] = False,
 ) -> None:
-    """Write a sampler as one file for C++, CUDA, GLSL or HLSL, as JSON, or as a web page to turn it in."""
+    """Write a sampler as one file for C++, CUDA, GLSL or HLSL, as JSON, or as an interactive web page."""
     if amalgamated == (sampler is not None):
         raise ValueError("give a sampler with --to HOST, or --amalgamate without a sampler")
     if output.is_dir():

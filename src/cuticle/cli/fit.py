@@ -27,23 +27,23 @@ from cuticle.scattering.dual_scattering import DualScattering
 def command(
     model: ModelArgument,
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for sampler.json, fit.json and the model's file.")
+        Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for sampler.json, fit.json and the fibre's file.")
     ],
     parameters: ParametersArgument = None,
     strands: Annotated[
         str | None,
-        typer.Option(metavar="N,N,…", help="Strand counts toward the light, 0 is direct light; of a fibre 0,1,2,4,8."),
+        typer.Option(metavar="N,N,…", help="Strand counts to cover; 0 is direct light. Default for a fibre: 0,1,2,4,8."),
     ] = None,
     lobes: Annotated[
-        str, typer.Option(metavar="K|auto", help=f"Lobes, 1 to {MAX_LOBES}; auto: as many as pay for themselves.")
+        str, typer.Option(metavar="K|auto", help=f"Number of lobes, 1 to {MAX_LOBES}; auto chooses by ESS per cost.")
     ] = "4",
     form: Annotated[str, typer.Option(help=" | ".join(FORMS))] = "lobes",
     objective: Annotated[str, typer.Option(help=" | ".join(OBJECTIVES))] = "luminance",
     family: Annotated[str, typer.Option(help=" | ".join((*FAMILIES, BEST)))] = NORMAL,
-    defensive: Annotated[float, typer.Option(help="Share of the nearly uniform lobe in the document's form.")] = 0.1,
+    defensive: Annotated[float, typer.Option(help="Share of the nearly uniform lobe, for --form document.")] = 0.1,
     json_output: JsonOption = False,
 ) -> None:
-    """Fit a sampler to a fibre, a table of values or a material of Mitsuba."""
+    """Fit a sampler to a fibre, a table of values or a Mitsuba material."""
     number = _lobes(lobes)
     counts = None if strands is None else read_strands(strands)
     validate.choice("--form", form, FORMS)
@@ -76,21 +76,21 @@ def command(
 
 
 def _tell_bounds(result: Fit, model: Any, counts: tuple[float, ...] | None) -> None:
-    """Say how far the worst channel is from what one density for all can have, at the first strand count."""
+    """Print the ESS of the worst channel beside its bounds, at the first strand count."""
     first = model.with_strands(counts[0]) if counts else model
     limits = [channel_bounds(first, float(t)) for t in result.theta_r]
     found = float(result.ess_channels[0].min())
     rgb, worst = min(min(b.rgb) for b in limits), min(b.worst for b in limits)
     out.print(
-        f"Worst channel {found:.3f} (objective {result.objective}). One density serves all channels: the best for their mean"
-        f" 1/ESS has {rgb:.3f} there, the best for the worst channel {worst:.3f}.",
+        f"ESS of the worst channel: {found:.3f} (objective {result.objective}). One density serves all channels: the best"
+        f" for their mean 1/ESS has {rgb:.3f} there, the best for the worst channel {worst:.3f}.",
         soft_wrap=True,
         highlight=False,
     )
 
 
 def _save_model(model: Any, folder: Path) -> list[str]:
-    """Write what a model was made of beside its sampler, where it has a file of its own; return the file's name."""
+    """Write the model's parameters beside the sampler if they have a file format; return the file's name."""
     if isinstance(model, DualScattering):
         return [model.fibre.save(folder / "fibre.toml").name]
     if isinstance(model, Strands):

@@ -36,7 +36,7 @@ class _PictureFirst(TyperGroup):
 
 app = typer.Typer(
     cls=_PictureFirst,
-    help="Render a groom with Mitsuba: `cuticle render GROOM -o picture.png`, options as of `picture`.",
+    help="Render a groom with Mitsuba: `cuticle render GROOM -o picture.png`, with the options of `picture`.",
     no_args_is_help=True,
 )
 
@@ -51,15 +51,19 @@ FibreOption = Annotated[
     str, typer.Option(metavar="PRESET|FILE", help="A preset, a TOML file, a table (.npz, .csv) or a sampler's JSON file.")
 ]
 LightOption = Annotated[str, typer.Option(help=" | ".join(LIGHTS))]
-RadiusOption = Annotated[float | None, typer.Option(help="Of all strands, in the file's unit, in place of the file's.")]
-TipOption = Annotated[float | None, typer.Option(help="Radius at the tip, with --radius at the root.")]
-FollowersOption = Annotated[int, typer.Option(help="Copies beside each strand: grooms for games hold guides only.")]
-SpreadOption = Annotated[float | None, typer.Option(help="How far copies stray; 1/200 of the groom's size if left out.")]
-WidthOption = Annotated[int, typer.Option(help="Pixels.")]
-AzimuthOption = Annotated[float, typer.Option(help="Camera's direction around the up axis +y, degrees from +z.")]
-ElevationOption = Annotated[float, typer.Option(help="Camera's height above the horizon, degrees.")]
-ZoomOption = Annotated[float, typer.Option(help="1 fits the whole groom.")]
-VariantOption = Annotated[str, typer.Option(help="Mitsuba's variant.")]
+RadiusOption = Annotated[
+    float | None, typer.Option(help="Radius of all strands, in the file's unit. Default: the file's own.")
+]
+TipOption = Annotated[float | None, typer.Option(help="Radius at the tip; --radius is then that at the root.")]
+FollowersOption = Annotated[int, typer.Option(help="Number of copies beside each strand, for grooms that hold guides only.")]
+SpreadOption = Annotated[
+    float | None, typer.Option(help="Standard deviation of a copy's offset. Default: 1/200 of the groom's size.")
+]
+WidthOption = Annotated[int, typer.Option(help="Width in pixels.")]
+AzimuthOption = Annotated[float, typer.Option(help="Direction of the camera around the up axis +y, degrees from +z.")]
+ElevationOption = Annotated[float, typer.Option(help="Elevation of the camera above the horizon, degrees.")]
+ZoomOption = Annotated[float, typer.Option(help="Magnification; 1 fits the whole groom.")]
+VariantOption = Annotated[str, typer.Option(help="Mitsuba variant.")]
 
 
 def _groom(names: list[str], radius: float | None, tip: float | None, followers: int, spread: float | None) -> Groom:
@@ -86,26 +90,26 @@ def _check_fibre(name: str) -> None:
 @app.command("picture")
 def picture_command(
     groom: GroomArgument,
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="The picture: .exr or .png.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="The picture to write, .exr or .png.")],
     fibre: FibreOption = "brown",
     light: LightOption = "studio",
-    strength: Annotated[float, typer.Option(help="Multiplies the light.")] = 1.0,
+    strength: Annotated[float, typer.Option(help="Factor on the light.")] = 1.0,
     technique: Annotated[str, typer.Option("--integrator", help=" | ".join(INTEGRATORS))] = "dual",
-    depth: Annotated[int, typer.Option(help="Segments of a path, for --integrator path.")] = 64,
-    counter: Annotated[str, typer.Option(help="How dual counts strands: grid | trace.")] = "grid",
+    depth: Annotated[int, typer.Option(help="Path segments, for --integrator path.")] = 64,
+    counter: Annotated[str, typer.Option(help="How --integrator dual counts strands: grid | trace.")] = "grid",
     sampling: Annotated[str, typer.Option(help=" | ".join(SAMPLINGS))] = "lobes",
-    spp: Annotated[int, typer.Option(help="Samples a pixel.")] = 64,
+    spp: Annotated[int, typer.Option(help="Samples per pixel.")] = 64,
     radius: RadiusOption = None,
     tip: TipOption = None,
     followers: FollowersOption = 0,
     spread: SpreadOption = None,
     width: WidthOption = 512,
-    height: Annotated[int | None, typer.Option(help="Pixels; as the width if left out.")] = None,
+    height: Annotated[int | None, typer.Option(help="Height in pixels. Default: the width.")] = None,
     azimuth: AzimuthOption = 25.0,
     elevation: ElevationOption = 10.0,
     zoom: ZoomOption = 1.0,
-    exposure: Annotated[float, typer.Option(help="Stops by which a PNG is brightened.")] = 0.0,
-    seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 0,
+    exposure: Annotated[float, typer.Option(help="Exposure of a PNG, in stops.")] = 0.0,
+    seed: Annotated[int, typer.Option(help="Seed of the random numbers.")] = 0,
     variant: VariantOption = "scalar_rgb",
     json_output: JsonOption = False,
 ) -> None:
@@ -134,7 +138,7 @@ def picture_command(
         print(json.dumps(facts))
     else:
         out.print(
-            f"wrote {target}: {hair.strands:,} strands, {done.spp} samples a pixel in {done.seconds:.1f} s", soft_wrap=True
+            f"wrote {target}: {hair.strands:,} strands, {done.spp} samples per pixel in {done.seconds:.1f} s", soft_wrap=True
         )
 
 
@@ -146,8 +150,8 @@ def compare_command(
     ],
     fibre: FibreOption = "brown",
     light: LightOption = "env",
-    seconds: Annotated[float, typer.Option(help="Rendering time of each of the six.")] = 10.0,
-    reference_spp: Annotated[int, typer.Option(help="Samples a pixel of the reference.")] = 2048,
+    seconds: Annotated[float, typer.Option(help="Rendering time of each of the six pictures.")] = 10.0,
+    reference_spp: Annotated[int, typer.Option(help="Samples per pixel of the reference.")] = 2048,
     radius: RadiusOption = None,
     tip: TipOption = None,
     followers: FollowersOption = 0,
@@ -159,7 +163,7 @@ def compare_command(
     variant: VariantOption = "scalar_rgb",
     json_output: JsonOption = False,
 ) -> None:
-    """Render one scene with uniform, document and lobes sampling, and measure the error at equal samples and equal time."""
+    """Compare uniform, document and lobes sampling on one scene: errors at equal samples and at equal time."""
     validate.number("--seconds", seconds, 0.1, 3600)
     validate.integer("--reference-spp", reference_spp, 16, 1 << 20)
     view = View(azimuth=azimuth, elevation=elevation, width=width, height=width, zoom=zoom)
@@ -188,7 +192,7 @@ def compare_command(
         return
     grid = table(
         f"{fibre}, {light} light, {hair.strands:,} strands, {width} x {width}, path depth 2",
-        f"reference: {reference_spp} samples a pixel, relMSE of its own noise {result.reference_error:.2g}",
+        f"reference: {reference_spp} samples per pixel, relMSE of its own noise {result.reference_error:.2g}",
     )
     for column in ("technique", "sampling", "relMSE, equal samples", "relMSE, equal time", "samples in that time", "gain"):
         grid.add_column(column, justify="left" if column in ("technique", "sampling") else "right")
@@ -203,5 +207,5 @@ def compare_command(
             f"{c['gain_over_uniform']:.2f}",
         )
     out.print(grid)
-    out.print("gain: how many times longer uniform sampling takes to the same error")
+    out.print("gain: how many times longer uniform sampling takes to reach the same error")
     out.print(f"wrote {folder / 'compare.json'}, {folder / 'sheet.png'}, {folder / 'curves.png'}", soft_wrap=True)

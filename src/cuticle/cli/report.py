@@ -12,7 +12,7 @@ from cuticle.report.page import write_report
 
 
 def command(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A folder with results of fit, check, document.")],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder with the results of fit, check and document.")],
 ) -> None:
-    """Write one self-contained HTML page from the results of fit, check and document that lie in a folder."""
+    """Write one self-contained HTML page from the results of fit, check and document in a folder."""
     out.print(f"wrote {write_report(folder)}", soft_wrap=True)

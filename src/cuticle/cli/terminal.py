@@ -1,4 +1,4 @@
-"""What the commands share: where they print, how they show progress, and the arguments they have in common."""
+"""What the commands share: consoles, progress bars and common arguments."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from cuticle._support import validate
 out = Console() if sys.stdout.isatty() else Console(width=118)
 err = Console(stderr=True)
 
-JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON for scripts instead of a table.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 ModelArgument = Annotated[
     str,
     typer.Argument(
@@ -32,7 +32,7 @@ ParametersArgument = Annotated[
 
 @contextmanager
 def progress_bar(quiet: bool = False) -> Iterator[Callable[[str, float], None]]:
-    """Show a bar on standard error while something runs; nothing where it is no terminal or JSON was asked for."""
+    """Show a progress bar on standard error, unless that is not a terminal or the caller wants quiet."""
     columns = (TextColumn("{task.description:<34}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=err, transient=True, disable=quiet or not err.is_terminal) as bar:
         task = bar.add_task("starting", total=1.0)

@@ -1,4 +1,4 @@
-"""What the draft says, and whether the numbers bear it out."""
+"""The claims of the draft, and whether the numbers support them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _PATH = traced_cost(0) - traced_cost(0, path=0.0)  # kernels for the ray behind 
 
 @dataclass(frozen=True)
 class Claim:
-    """One sentence of the draft, the verdict, what was found, and the numbers behind it."""
+    """One sentence of the draft, the verdict, the finding, and the numbers behind it."""
 
     quote: str
     verdict: str
@@ -37,13 +37,13 @@ def shift_claim(rows: Sequence[SliceRow]) -> Claim:
     maximum = (
         f"The maximum itself lies within {offsets[worst]:.1f}° of the axis."
         if offsets[worst] <= 2
-        else f"The maximum itself is not: it lies {normal:.1f}° off the axis at normal view and {offsets[worst]:.1f}° off at"
-        f" theta_r {worst}°, since the top of the highlight is flat, or split in two."
+        else f"The maximum itself lies off the axis: by {normal:.1f}° at normal view and {offsets[worst]:.1f}° at theta_r"
+        f" {worst}°, because the top of the highlight is flat, or split in two."
     )
     return Claim(
         "The shift in the azimuthal direction ϕ_i remains constant at exactly 0 degrees.",
         HOLDS if offsets[worst] <= 2 else PARTLY,
-        "The scattering is the same on both sides of the fibre, so the Gaussian along phi is centred exactly. " + maximum,
+        "Scattering is symmetric about the axis, so the Gaussian along phi is centred exactly. " + maximum,
         {"peak_offset_deg": offsets},
     )
 
@@ -64,8 +64,8 @@ def width_claim(rows: Sequence[SliceRow]) -> Claim:
     return Claim(
         quote,
         HOLDS if change <= 0.1 else PARTLY if change <= 0.35 else FAILS,
-        f"The constant is {mean:.3f} rad here, with {low:.3f} to {high:.3f} over |theta_r| ≤ 70°, a range of"
-        f" {100 * change:.0f} %, and {min(inner):.3f} to {max(inner):.3f} over |theta_r| ≤ 40°.",
+        f"The mean is {mean:.3f} rad here. Over |theta_r| ≤ 70°, sigma_H varies from {low:.3f} to {high:.3f} rad, by"
+        f" {100 * change:.0f} %; over |theta_r| ≤ 40°, from {min(inner):.3f} to {max(inner):.3f} rad.",
         {"constant_rad": mean, "sigma_H": values},
     )
 
@@ -79,8 +79,8 @@ def turning_claim(rows: Sequence[PeakRow]) -> Claim:
     return Claim(
         "Varying ϕ_r does not change the θ_i-angle of the peak.",
         HOLDS if spread <= 0.1 else FAILS,
-        f"Searched over all directions for five phi_r, it changes by {spread:.2f}°: a circular fibre's scattering depends on"
-        " phi_i - phi_r alone, so the whole pattern turns with the viewer.",
+        f"Over five phi_r, it changes by {spread:.2f}°. The scattering of a circular fibre depends on phi_i - phi_r only, so"
+        " the whole pattern turns with the viewer.",
         {"change_deg": spread},
     )
 
@@ -106,10 +106,10 @@ def azimuth_claim(model: Bcsdf, strands: Sequence[float]) -> Claim:
     return Claim(
         "The azimuthal variation has no impact on the response. (through strands)",
         HOLDS if w["ess_lost"] <= 0.01 else PARTLY if w["ess_lost"] <= 0.1 else FAILS,
-        f"Through {worst} strand{'s' if worst != '1' else ''} the density varies by {100 * w['varies_by']:.0f} % of its mean"
-        f" around the fibre (TV distance from a flat azimuth {w['total_variation']:.3f}): a sampler that is flat in phi and"
-        f" perfect in theta_i loses {100 * w['ess_lost']:.1f} % of its ESS, through {strands[-1]:g} strands"
-        f" {100 * last['ess_lost']:.1f} %. Worst of five viewers up to 60°.",
+        f"Through {worst} strand{'s' if worst != '1' else ''}, the density varies around the fibre by"
+        f" {100 * w['varies_by']:.0f} % of its mean (TV distance from a flat azimuth {w['total_variation']:.3f}). A sampler"
+        f" that is flat in phi and perfect in theta_i loses {100 * w['ess_lost']:.1f} % of its ESS, and"
+        f" {100 * last['ess_lost']:.1f} % through {strands[-1]:g} strands. These are the worst of five viewers up to 60°.",
         numbers,
     )
 
@@ -129,11 +129,11 @@ def match_claim(quality: dict[str, dict[str, dict[str, float]]], count: int) -> 
     return Claim(
         "The Gaussian functions match pretty well.",
         verdict,
-        f"With {source}, through strands: ESS {through[low]['ess']:.2f} and TV distance"
-        f" {through[low]['total_variation']:.2f} at worst (n = {low}). For direct light one product of two Gaussians has ESS"
+        f"Through strands, with {source}, the worst ESS is {through[low]['ess']:.2f}, with a TV distance of"
+        f" {through[low]['total_variation']:.2f} (n = {low}). For direct light, one product of two Gaussians has ESS"
         f" {own['0']['ess']:.2f} and TV distance {own['0']['total_variation']:.2f}{misses}."
-        f" Fitted lobes, {count} of them, have {lobes['0']['ess']:.3f} and {lobes['0']['total_variation']:.3f}. Means over"
-        " five viewers up to 60°, a tenth of the draft's form being nearly uniform.",
+        f" {count} fitted lobes have {lobes['0']['ess']:.3f} and {lobes['0']['total_variation']:.3f}. The values are means"
+        " over five viewers up to 60°; a tenth of the draft's form is nearly uniform.",
         quality,
     )
 

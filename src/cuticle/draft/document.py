@@ -1,4 +1,4 @@
-"""The draft description's tables, general functions, claims and open comparison, for any fibre."""
+"""The draft description, recomputed for any fibre: tables, general functions, claims, and the missing comparison."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _MIX_VIEWERS = np.radians([-60.0, 0.0, 60.0])
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Document(Findings):
-    """The draft, reproduced and completed for one fibre: what was found, as text, values and figures."""
+    """The draft description, recomputed and completed for one fibre: as text, values and figures."""
 
     def __repr__(self) -> str:
         lines = [f"Document({self.name or repr(self.model)})"]
@@ -49,7 +49,7 @@ class Document(Findings):
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all of it as plain values, ours and printed: angles in degrees, deviations in radians."""
+        """Return everything as plain values, ours and the printed: angles in degrees, deviations in radians."""
         return as_values(self)
 
     def save(self, folder: str | os.PathLike[str], *, progress: Progress | None = None) -> Path:
@@ -84,20 +84,19 @@ def document(
     name: str = "",
     progress: Progress | None = None,
 ) -> Document:
-    """Reproduce and complete the draft description for a fibre.
+    """Recompute and complete the draft description for a fibre.
 
     Parameters
     ----------
     fibre
-        A preset's name, a fibre, or a model: one that has `with_strands`, or the function of a single strand, which is
-        then put among others (`cuticle.Strands`).
+        A preset's name, a fibre, a model with `with_strands`, or the function of a single strand. The last is put among
+        others with `cuticle.Strands`.
     printed
-        The draft's tables to compare with, from `Printed.load`; they belong to the `document` fibre.
+        The draft's printed tables to compare with, from `Printed.load`. They belong to the `document` fibre.
     lobes
-        A fit of lobes to this model that covers 0, 1, 2, 4 and 8 strands, to compare with; four lobes are fitted if left
-        out.
+        A fit of this model for 0, 1, 2, 4 and 8 strands, to compare with. Default: four lobes are fitted.
     name
-        What to call the fibre; a preset's own name if left out.
+        Name of the fibre. Default: the preset's name.
     progress
         Called with a phase and a fraction from 0 to 1.
 

@@ -1,4 +1,4 @@
-"""What reproducing the draft description finds, before it is drawn or written."""
+"""The results of recomputing the draft description, before they are drawn or written."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from cuticle.scattering.dual_scattering import DualScattering
 
 @dataclass(frozen=True)
 class Mixing:
-    """What a weight of the combined PDFs costs where a share v of directions is directly lit.
+    """ESS of the combined PDF by its weight, if a share v of directions is directly lit.
 
-    `ess[i][j]` is the mean ESS over viewers at -60°, 0°, 60° for `shares[i]`, `weights[j]`; `best[i]` what no density
-    exceeds, since the light behind a direction is not known when it is drawn.
+    `ess[i][j]` is the mean ESS over viewers at -60°, 0°, 60° for `shares[i]` and `weights[j]`. `best[i]` is the bound for
+    every density, because the light behind a direction is unknown when the direction is drawn.
     """
 
     strands: float | None
@@ -30,12 +30,12 @@ class Mixing:
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """What reproducing and completing the draft found for one fibre.
+    """The draft description, recomputed and completed for one fibre.
 
     Attributes
     ----------
     name
-        What the fibre is called.
+        Name of the fibre.
     model
         The scattering function.
     axis
@@ -43,7 +43,7 @@ class Findings:
     table_1, table_2, table_3
         As in the draft.
     found
-        The general functions, or None where the draft's form does not suit the fibre; then `reason` says why.
+        The general functions, or None if the draft's form does not suit the fibre; `reason` then says why.
     claims
         The draft's sentences, judged.
     quality
@@ -54,7 +54,7 @@ class Findings:
     mixing
         The combined PDFs for two strands, and for an unknown number.
     printed
-        The draft's own tables, where they are at hand.
+        The draft's printed tables, or None.
     """
 
     name: str

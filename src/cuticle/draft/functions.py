@@ -77,7 +77,7 @@ def find_form(
     """
     validate.choice("parity", parity, ("even", "odd"))
     if len(values) < LEAST_VALUES:
-        raise ValueError(f"values must hold at least {LEAST_VALUES} points for a form to be told, got {len(values)}")
+        raise ValueError(f"values must hold at least {LEAST_VALUES} points to choose a form, got {len(values)}")
     n = np.ones_like(theta_r) if strands is None else strands
     several = len(np.unique(n)) > 1
     shapes = _EVEN if parity == "even" else tuple(("1", *odd) for odd in _ODD)

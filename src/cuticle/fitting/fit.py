@@ -41,44 +41,45 @@ def fit(
     objective: str = "luminance",
     family: str = NORMAL,
     defensive: float = 0.1,
-    functions: DocumentFunctions = DRAFT,
+    functions: DocumentFunctions | None = None,
     progress: Progress | None = None,
 ) -> Fit:
-    """Fit a sampler to a scattering function.
+    """Fit a sampler to a scattering function by maximising its effective sample size (ESS).
 
     Parameters
     ----------
     model
-        Any object with `eval(theta_i, theta_r, phi)`; for several strand counts also `with_strands(n)`.
+        The scattering function: any object with `eval(theta_i, theta_r, phi)`. For several strand counts it also needs
+        `with_strands(n)`.
     lobes
-        Number of product lobes K, 1 to 32; None takes the smallest K past which ESS over cost stops growing.
+        Number of lobes K, 1 to 32. None chooses K by ESS per cost of a traced sample.
     strands
-        Increasing strand counts to cover; the model's own count if left out.
+        Increasing strand counts to cover, such as [0, 1, 2, 4, 8]. Default: the model's own count.
     form
-        "lobes": K lobes fitted to minimise 1/ESS. "document": the draft description's closed forms with `functions`,
-        and a `defensive` share.
+        "lobes": a mixture of K lobes. "document": the closed forms of the draft description, with `functions` and
+        `defensive`.
     objective
-        "luminance", or "rgb": 1/ESS averaged over all channels.
+        "luminance" maximises the ESS of the luminance. "rgb" minimises 1/ESS averaged over the channels.
     family
-        Density along each coordinate of a lobe: "normal" or "logistic" (`cuticle.sampling.families`), or "best" for the one
-        with the higher mean ESS of the two. One or two lobes gain by "logistic", four and more lose.
+        Density of a lobe along each coordinate: "normal", "logistic", or "best" for the one of the two with the higher mean
+        ESS. "logistic" is better for one or two lobes, "normal" for four and more.
     defensive
-        Share of a nearly uniform lobe in the document's form, 0 to 0.99.
+        Share of the nearly uniform lobe in the "document" form, 0 to 0.99.
     functions
-        Of the document's form: the draft's own numbers if left out (for its own fibre, whatever the model: a baseline);
+        Functions of the "document" form. Default: the numbers printed in the draft, which belong to its own fibre.
         `cuticle.document` finds those of any fibre.
     progress
-        Called with a phase and a fraction from 0 to 1 of the whole.
+        Called with the name of the phase and the fraction done, 0 to 1.
 
     Returns
     -------
     Fit
-        The sampler, and its ESS measured by quadrature.
+        The sampler, and its ESS at nine viewers for each strand count, by quadrature.
 
     Raises
     ------
     ValueError
-        A parameter out of range; a model that returns NaN, negative or no energy.
+        A parameter is out of range, or the model returns NaN, negative values or no energy.
 
     Examples
     --------
@@ -105,6 +106,7 @@ def fit(
     if lobes is not None:
         lobes = validate.integer("lobes", lobes, 1, MAX_LOBES, remedy="4 suits most fibres; None lets the program choose")
     validate.number("defensive", defensive, 0, 0.99)
+    functions = DRAFT if functions is None else functions
     if not isinstance(functions, DocumentFunctions):
         raise TypeError(f"functions must be DocumentFunctions, got {type(functions).__name__}; cuticle.document finds them")
     check_model(model)

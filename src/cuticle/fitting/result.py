@@ -37,13 +37,13 @@ class Fit:
     largest_weight, total_variation
         Shape (strand counts, T).
     seconds
-        How long the fit took, the measuring left out.
+        Time of the fit, without the measurement.
     form, objective
-        As asked for.
+        The arguments of `fit`.
     candidates
-        The numbers of lobes that were weighed, where the choice was left to the program.
+        The numbers of lobes that were compared, if `fit` chose.
     families
-        The mean ESS of each family of lobes, where the choice was left to the program.
+        Mean ESS of each family of lobes, if `fit` chose.
     """
 
     sampler: Sampler

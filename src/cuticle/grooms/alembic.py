@@ -1,4 +1,4 @@
-"""Alembic's curves by Blender as a Python module, in a process of its own: a file that it cannot bear ends only that."""
+"""Reads Alembic curves with Blender as a Python module, in a separate process that a bad file can crash safely."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ def read_alembic(path: Path) -> tuple[NDArray[np.float32], NDArray[np.int64], ND
 
 
 def _check(path: Path, head: bytes, size: int) -> None:
-    """Refuse what is no archive, or not a whole one, by its header: 'Ogawa', a mark that it was closed, its root's place."""
+    """Check the header, or raise ValueError: 'Ogawa', a mark that the archive was closed, and the position of its root."""
     if head[:4] == b"\x89HDF":
         raise ValueError(f"{path} is an old Alembic archive in HDF5 (byte 0), write it again as Ogawa: abcconvert -toOgawa")
     if head[:5] != b"Ogawa":
-        raise ValueError(f"{path} is no Alembic archive: bytes 0 to 5 are {head[:5]!r}, not b'Ogawa'")
+        raise ValueError(f"{path} is not an Alembic archive: bytes 0 to 5 are {head[:5]!r}, not b'Ogawa'")
     if len(head) < 16:
         raise ValueError(f"{path} is cut short: its header needs bytes 0 to 16, the file has {size}")
     if head[5] != 0xFF:
-        raise ValueError(f"{path} was never closed by what wrote it (byte 5 is {head[5]}, not 255)")
+        raise ValueError(f"{path} was not closed by the program that wrote it (byte 5 is {head[5]}, not 255)")
     (root,) = struct.unpack_from("<Q", head, 8)
     if root + 8 > size:
         raise ValueError(f"{path} is cut short: its root group lies at byte {root} (byte 8), the file has {size}")

@@ -1,4 +1,4 @@
-"""How many strands lie between a point and the light, from a grid of hair density."""
+"""Counts the strands between a point and the light, with a grid of hair density."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MAX_RESOLUTION = 512
 
 @dataclass(frozen=True, eq=False)
 class DensityGrid:
-    """Hair density by cell, with the strands' directions: what a ray meets, without tracing strands.
+    """Hair density and direction per cell, to count the strands along a ray without tracing them.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class DensityGrid:
 
     @classmethod
     def build(cls, groom: Groom, resolution: int = 64) -> DensityGrid:
-        """Build the grid of a groom, `resolution` cells along its longest side, cells about cubes.
+        """Build the grid of a groom, with `resolution` cells along its longest side. Cells are nearly cubes.
 
         Examples
         --------
@@ -74,12 +74,12 @@ class DensityGrid:
         direction
             Unit vectors, shape (..., 3).
         distance
-            How far to count, shape (...), at least 0; to the end of the box if left out.
+            How far to count, shape (...), at least 0. Default: to the end of the box.
 
         Raises
         ------
         ValueError
-            Shapes that do not broadcast, a direction that is no unit vector, a number that is not finite.
+            Shapes do not broadcast, a direction is not a unit vector, or a number is not finite.
         """
         o, d = np.asarray(origin, np.float32), np.asarray(direction, np.float32)
         far = np.asarray(distance, np.float32)

@@ -1,4 +1,4 @@
-"""Grooms: strands of hair as points and radii, read from the formats they come in and written for Mitsuba."""
+"""Grooms: strands of hair as points and radii, read from files and written for Mitsuba."""
 
 from __future__ import annotations
 
@@ -20,21 +20,22 @@ MAX_FOLLOWERS = 1000
 
 @dataclass(frozen=True, eq=False)
 class Groom:
-    """Strands, each a row of points from root to tip with a radius.
+    """Strands of hair, each a row of points from root to tip with a radius at every point.
 
     Parameters
     ----------
     points
-        All strands' points one after the other, shape (N, 3).
+        The points of all strands one after the other, shape (N, 3).
     offsets
-        Where each strand begins, and N at the end: increasing, shape (strands + 1,). A strand has at least 2 points.
+        The index of each strand's first point, and N at the end: increasing, shape (strands + 1,). A strand has at least 2
+        points.
     radius
-        At each point, in the points' unit, shape (N,) or one number.
+        Radius at each point, in the unit of the points: shape (N,), or one number.
 
     Raises
     ------
     ValueError
-        Shapes that do not fit, a strand of fewer than 2 points, a coordinate that is no finite number, a radius below 0.
+        Shapes do not fit, a strand has fewer than 2 points, a coordinate is not finite, or a radius is negative.
     """
 
     points: NDArray[np.float32]
@@ -90,12 +91,12 @@ class Groom:
         return np.add.reduceat(within, self.offsets[:-1])
 
     def along(self) -> NDArray[np.float64]:
-        """Return where each point lies on its strand, by its number, 0 at the root and 1 at the tip."""
+        """Return the position of each point on its strand, by index: 0 at the root, 1 at the tip."""
         index = np.arange(len(self.points)) - np.repeat(self.offsets[:-1], self.counts)
         return index / np.repeat(self.counts - 1, self.counts)
 
     def with_thickness(self, root: float, tip: float | None = None) -> Groom:
-        """Return the groom with radii that run from `root` to `tip` (as at the root if left out), linear along a strand."""
+        """Return the groom with radii that vary linearly from `root` to `tip` (default: `root`) along each strand."""
         root = validate.number("root", root, 0, 1e6)
         tip = root if tip is None else validate.number("tip", tip, 0, 1e6)
         return replace(self, radius=(root + (tip - root) * self.along()).astype(np.float32))
@@ -110,9 +111,9 @@ class Groom:
         spread
             Standard deviation of a copy's offset at the root, in the points' unit.
         tip_spread
-            The same at the tip, linear between; as at the root if left out.
+            The same at the tip; linear between. Default: `spread`.
         seed
-            Of the offsets.
+            Seed of the random offsets.
         """
         count = validate.integer("count", count, 0, MAX_FOLLOWERS)
         spread = validate.number("spread", spread, 0, 1e6)
@@ -130,13 +131,13 @@ class Groom:
     def control_points(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Return the control points of uniform cubic B-splines that pass through every point.
 
-        A B-spline with control points P passes at its knots through (P[i-1] + 4 P[i] + P[i+1])/6; the ends are without
-        curvature. One tridiagonal system holds all strands.
+        At its knots, a B-spline with control points P passes through (P[i-1] + 4 P[i] + P[i+1])/6. The ends have no
+        curvature. All strands form one tridiagonal system.
 
         Returns
         -------
         control, offsets
-            Position and radius, shape (N + 2 strands, 4), and where each strand begins, as in a Groom.
+            Positions and radii, shape (N + 2 strands, 4), and the index of each strand's first control point.
         """
         n = len(self.points)
         values = np.column_stack([self.points, self.radius]).astype(np.float64)
@@ -158,10 +159,10 @@ class Groom:
         return control, offsets
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the text file of Mitsuba's `bsplinecurve`: x y z radius a line, a blank line between strands.
+        """Write the text file of Mitsuba's `bsplinecurve`: one line `x y z radius` per point, a blank line between strands.
 
-        The curves pass through this groom's points. A last strand of radius 0, which no ray meets, is added: Mitsuba 3.9
-        reads past the end of its memory where a ray meets the very tip of the last curve. `read_groom` drops it.
+        The curves pass through the groom's points. A strand of radius 0, which no ray hits, is added at the end: Mitsuba 3.9
+        reads out of bounds where a ray hits the tip of the last curve. `read_groom` drops that strand.
         """
         control, offsets = self.control_points()
         guard = np.column_stack([np.linspace(control[-2, :3], control[-1, :3], 4), np.zeros(4)])
@@ -173,7 +174,7 @@ class Groom:
 
 
 def join_grooms(grooms: Sequence[Groom]) -> Groom:
-    """Return one groom of all strands: hairstyles often come in several files."""
+    """Return one groom with the strands of all grooms. Hairstyles often come in several files."""
     if not grooms:
         raise ValueError("grooms must hold at least one groom, got none")
     starts = np.cumsum([0, *(len(g.points) for g in grooms)])

@@ -90,11 +90,11 @@ def _some(path: Path, count: int, what: str, at: int) -> None:
 
 
 def _cyhair(path: Path) -> Raw:
-    """Cem Yuksel's cyHair: 128 bytes of header, then arrays that its flags name."""
+    """Cem Yuksel's cyHair: a header of 128 bytes, then the arrays that its flags announce."""
     data = read_bytes(path)
     magic, strands, points, flags, segments, thickness = _header(path, data, "<4sIIIIf")
     if magic != b"HAIR":
-        raise ValueError(f"{path} is no cyHair file: bytes 0 to 4 are {magic!r}, not b'HAIR'")
+        raise ValueError(f"{path} is not a cyHair file: bytes 0 to 4 are {magic!r}, not b'HAIR'")
     _header(path, data, "<128s")
     _some(path, strands, "strands", 4)
     _some(path, points, "points", 8)
@@ -123,7 +123,7 @@ def _cyhair(path: Path) -> Raw:
 
 
 def _usc(path: Path) -> Raw:
-    """USC-HairSalon's .data: int32 strands, then for each int32 points and their float32 x y z."""
+    """USC-HairSalon: the number of strands as int32; for each, the number of points as int32 and their float32 x y z."""
     data = read_bytes(path)
     (strands,) = _header(path, data, "<i")
     _some(path, strands, "strands", 0)
@@ -147,7 +147,7 @@ def _tressfx(path: Path) -> Raw:
     data = read_bytes(path)
     version, strands, vertices, offset = _header(path, data, "<fIII")
     if not 3 <= version < 5:
-        raise ValueError(f"{path}: it has TressFX version {version:g} (byte 0), 3 and 4 can be read")
+        raise ValueError(f"{path}: TressFX version {version:g} (byte 0) is not supported; versions 3 and 4 are")
     _some(path, strands, "strands", 4)
     _some(path, vertices, "vertices a strand", 8)
     count = strands * vertices
@@ -162,12 +162,12 @@ def _tressfx(path: Path) -> Raw:
 
 
 def _text(path: Path) -> Raw:
-    """Mitsuba's text: x y z radius a line, a blank line between strands; read as points, not as control points."""
+    """Mitsuba's text: one line `x y z radius` per point, a blank line between strands. Read as points of the strand."""
     data = read_bytes(path)
     try:
         lines = data.decode("utf-8").splitlines()
     except UnicodeDecodeError as error:
-        raise ValueError(f"{path} is no text: byte {error.start}") from None
+        raise ValueError(f"{path} is not UTF-8 text: byte {error.start}") from None
     rows: list[tuple[float, ...]] = []
     counts: list[int] = [0]
     for number, line in enumerate(lines, 1):

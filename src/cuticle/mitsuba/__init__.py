@@ -1,7 +1,7 @@
-"""Mitsuba 3: the BSDF `cuticle` and the integrator `dual_scattering`. Importing this module registers them.
+"""Plugins for Mitsuba 3: the BSDF `cuticle` and the integrator `dual_scattering`. Importing this module registers them.
 
-Python prepares what the plugins read, a scattering function's tables and the fitted lobes; the plugins themselves are
-compiled from the core's headers. docs/mitsuba.md lists every parameter.
+The plugins are compiled from the core's headers. Python prepares what they read: the tables of the scattering function and
+the fitted lobes. docs/mitsuba.md lists every parameter.
 
 Examples
 --------
@@ -22,14 +22,14 @@ from cuticle._support.backends import check_backend
 
 __all__ = ["MITSUBA_VERSION", "VARIANTS", "Material", "build", "read_material", "register"]
 
-MITSUBA_VERSION = "3.9.1"  # plugins are compiled against this one and fit no other
+MITSUBA_VERSION = "3.9.1"  # plugins compiled against one version load in no other
 VARIANTS = ("scalar_rgb", "scalar_spectral", "llvm_ad_rgb", "llvm_ad_spectral", "cuda_ad_rgb", "cuda_ad_spectral")
 
 try:
     import mitsuba as mi
 except ImportError as error:
     raise ImportError(
-        f"cuticle.mitsuba needs Mitsuba {MITSUBA_VERSION}, which is not here ({error}): pip install 'cuticle[mitsuba]'"
+        f"cuticle.mitsuba needs Mitsuba {MITSUBA_VERSION}, which is not installed ({error}): pip install 'cuticle[mitsuba]'"
     ) from None
 
 from cuticle.mitsuba.build import build  # noqa: E402 - where Mitsuba is absent, its own message
@@ -42,18 +42,18 @@ def plugin_folder() -> Path:
 
 
 def register() -> None:
-    """Make `cuticle` and `dual_scattering` known to Mitsuba, in every variant they are compiled for.
+    """Register `cuticle` and `dual_scattering` with Mitsuba, in every variant that they are compiled for.
 
-    Importing the module calls it; it may be called again at any time.
+    Importing the module calls this function. Calling it again is harmless.
 
     Raises
     ------
     RuntimeError
-        Another version of Mitsuba, or a package that was built without the plugins.
+        Mitsuba has another version, or the package was built without the plugins.
     """
     if mi.__version__ != MITSUBA_VERSION:
         raise RuntimeError(
-            f"the plugins are compiled for Mitsuba {MITSUBA_VERSION} and fit no other, this is {mi.__version__}:"
+            f"the plugins are compiled for Mitsuba {MITSUBA_VERSION}, this is {mi.__version__}:"
             f" pip install mitsuba=={MITSUBA_VERSION}"
         )
     folder = plugin_folder()
@@ -77,7 +77,7 @@ def _register_in(_: str | None, variant: str | None) -> None:
 
 
 def check_variant() -> None:
-    """Raise RuntimeError where the current variant cannot run here, before Dr.Jit aborts the process."""
+    """Raise RuntimeError if the current variant cannot run here, before Dr.Jit aborts the process."""
     variant = mi.variant()
     if variant not in VARIANTS:
         raise RuntimeError(f"the plugins are compiled for {', '.join(VARIANTS)}; the variant is {variant}")

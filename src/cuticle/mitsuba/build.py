@@ -1,4 +1,4 @@
-"""A material as Mitsuba's BSDF: the tables its plugin reads."""
+"""Builds Mitsuba's BSDF from a material: the tables that the plugin reads."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a BSDF `cuticle` is made of: a scattering function and its samplers, from the plugin's parameters."""
+"""The material behind a BSDF `cuticle`: a scattering function and its samplers, from the plugin's parameters."""
 
 from __future__ import annotations
 
@@ -32,11 +32,20 @@ _DENSITIES = ("d_f", "d_b")
 
 
 class Material(NamedTuple):
-    """What a BSDF `cuticle` is made of.
+    """The scattering function and the samplers of a BSDF `cuticle`.
 
-    `single` is the sampler of a strand on its own, None for the uniform sphere; `combined` that of a strand among others,
-    whatever lies between it and the light, None where that is not known. A `Fibre` says itself what it is among others; for
-    any other function `among` does. With `near` it is Chiang's near field, which draws from itself.
+    Attributes
+    ----------
+    fibre
+        The function of a single strand. A `Fibre` also defines dual scattering.
+    single
+        The sampler of a single strand; None samples the uniform sphere.
+    combined
+        The sampler of a strand among others, for any number in between; None if that is unknown.
+    among
+        The function among strands, if `fibre` is not a `Fibre`.
+    near
+        Whether it is Chiang's near field, which has a sampler of its own.
     """
 
     fibre: Fibre | Chiang | Bcsdf
@@ -47,12 +56,12 @@ class Material(NamedTuple):
 
 
 def read_material(given: dict[str, Any]) -> Material:
-    """Return the scattering function and the samplers that a plugin's parameters ask for.
+    """Return the scattering function and the samplers that a plugin's parameters describe.
 
     Raises
     ------
     ValueError
-        One line: the parameter, what it may be, what came.
+        One line: the parameter, the values it may have, the value received.
     """
     known = (*PARAMETERS, *Fibre.model_fields, *sorted(_CHIANG))
     for name in given:
@@ -68,7 +77,7 @@ def read_material(given: dict[str, Any]) -> Material:
     if near:
         if not isinstance(function, Chiang):
             raise ValueError(
-                f"near is for Chiang's function, beta_m, beta_n and an absorption or a TOML file with [chiang]; got a"
+                f"near needs Chiang's function (beta_m, beta_n and an absorption, or a TOML file with [chiang]); got a"
                 f" {type(function).__name__}"
             )
         if sampling != "lobes":
@@ -83,7 +92,9 @@ def read_material(given: dict[str, Any]) -> Material:
             return Material(fibre, *_rows(loaded, share))
         return Material(fibre, *_samplers(fibre, lobes, sampling, share))
     if sampling == "document":
-        raise ValueError("sampling document is for a fibre of R, TT and TRT (a preset, a TOML file with [fibre]); use lobes")
+        raise ValueError(
+            "sampling document needs a fibre of R, TT and TRT (a preset, or a TOML file with [fibre]); use lobes"
+        )
     among = function if isinstance(function, Strands) else None
     single: Any = among.model if among is not None else function
     _check_channels(len(single.eval(0.0, 0.0, 3.0)))
@@ -102,9 +113,9 @@ def _resolve(name: Any) -> str:
 
 
 def _read_function(name: Any, own: dict[str, Any], loaded: Sampler | None, strands: bool) -> Any:
-    """The fibre, or the scattering function that is none: named, of the sampler, or from parameters of its own.
+    """Return the scattering function: by name, from the sampler's record, or from its own parameters.
 
-    Among strands, `Strands`, where `strands` says so or the sampler is.
+    A function other than a `Fibre` is wrapped in `Strands` if `strands` is set or the sampler was fitted among strands.
     """
     function: Any = None
     if name is not None:
@@ -125,7 +136,7 @@ def _read_function(name: Any, own: dict[str, Any], loaded: Sampler | None, stran
         function = Chiang(**({} if function is None else function.model_dump(exclude_none=True)) | own)
     elif own:
         raise ValueError(
-            f"{min(own)} is no parameter of this scattering function ({type(function).__name__}): change what it is made of"
+            f"{min(own)} is not a parameter of this scattering function ({type(function).__name__}); change its source"
         )
     single: Any = function.model if isinstance(function, Strands) else function
     return _among(single, *densities) if strands else function
@@ -134,7 +145,7 @@ def _read_function(name: Any, own: dict[str, Any], loaded: Sampler | None, stran
 def _no_others(own: dict[str, Any], kind: type[Fibre] | type[Chiang]) -> None:
     other = min(own.keys() - set(kind.model_fields), default=None)
     if other is not None:
-        raise ValueError(f"{other} is no parameter of this scattering function ({kind.__name__})")
+        raise ValueError(f"{other} is not a parameter of this scattering function ({kind.__name__})")
 
 
 def _stamp(name: str) -> int:

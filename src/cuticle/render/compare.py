@@ -1,4 +1,4 @@
-"""The same scene drawn with different samplings: at equal samples and at equal time, beside a long reference."""
+"""Compares samplings on one scene, at equal samples and at equal time, with a long reference."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _COLOURS = {"uniform": "#8a8a8a", "document": "#d08a2c", "lobes": "#2a6fbb"}
 
 
 class Contender(NamedTuple):
-    """One sampling with one way of lighting, and how near it came to the reference."""
+    """One sampling with one technique, and its error against the reference."""
 
     sampling: str
     technique: str  # "bsdf": BSDF sampling alone; "mis": emitter sampling, too
@@ -42,13 +42,13 @@ class Contender(NamedTuple):
 
     @property
     def cost(self) -> float:
-        """Seconds times relMSE, which does not depend on how long it ran: what is compared."""
+        """Seconds times relMSE, which does not depend on the rendering time."""
         return float(self.curve[-1, 1] * self.curve[-1, 2])
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """What came out of `compare_samplings`."""
+    """The result of `compare_samplings`."""
 
     contenders: tuple[Contender, ...]
     reference: Image
@@ -57,7 +57,7 @@ class Comparison:
     about: dict[str, Any]
 
     def gain(self, contender: Contender) -> float:
-        """How many times more time uniform sampling takes to the same error, with the same technique."""
+        """Return how many times longer uniform sampling takes to the same error, with the same technique."""
         return self.find("uniform", contender.technique).cost / contender.cost
 
     def find(self, sampling: str, technique: str) -> Contender:

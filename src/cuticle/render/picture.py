@@ -1,4 +1,4 @@
-"""Rendering in passes: pictures with progress, and files of them."""
+"""Rendering in passes, with progress, and writing pictures."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Image = NDArray[np.float64]
 
 
 class Pass(NamedTuple):
-    """A picture on its way: the mean of `spp` samples a pixel, after `seconds` of rendering."""
+    """An intermediate picture: the mean of `spp` samples per pixel, after `seconds` of rendering."""
 
     image: Image  # (height, width, 4): linear RGB, premultiplied, and coverage
     spp: int
@@ -33,20 +33,18 @@ class Pass(NamedTuple):
 
 
 def passes(scene: Any, spp: int, *, seed: int = 0, step: int | None = None) -> Iterator[Pass]:
-    """Render `spp` samples a pixel in passes, and yield the mean after each.
+    """Render `spp` samples per pixel in passes, and yield the mean after each. Times are those of rendering only.
 
     Parameters
     ----------
     scene
         Mitsuba's scene.
     spp
-        Samples a pixel in all.
+        Samples per pixel in total.
     seed
-        Of the random numbers, 0 to 10,000; each pass has its own.
+        Seed of the random numbers, 0 to 10,000; each pass derives its own.
     step
-        Samples of a pass; if left out, it doubles as long as a pass takes under half a second.
-
-    The time is that of rendering alone.
+        Samples per pixel of a pass. Default: doubled while a pass takes less than half a second.
     """
     import mitsuba as mi
 
@@ -67,7 +65,7 @@ def passes(scene: Any, spp: int, *, seed: int = 0, step: int | None = None) -> I
 
 
 def render(scene: Any, spp: int, *, seed: int = 0, progress: Callable[[str, float], None] | None = None) -> Pass:
-    """Render a scene and tell the progress; arguments as in `passes`."""
+    """Render a scene and report the progress; arguments as in `passes`."""
     last: Pass | None = None
     for last in passes(scene, spp, seed=seed):
         if progress is not None:

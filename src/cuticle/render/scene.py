@@ -1,4 +1,4 @@
-"""Scenes of hair for Mitsuba: a groom, its fibre, a camera that sees all of it, and light."""
+"""Mitsuba scenes of hair: a groom, its fibre, a camera that frames it, and a light."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ MAX_PIXELS = 8192
 
 
 def mitsuba(variant: str = "scalar_rgb") -> Any:
-    """Return Mitsuba, set to a variant that can run here, with `cuticle` and `dual_scattering` registered.
+    """Return the module `mitsuba`, set to a variant, with `cuticle` and `dual_scattering` registered.
 
     Raises
     ------
     RuntimeError
-        Mitsuba is absent, of another version, or the variant cannot run here; with what to do.
+        Mitsuba is missing or has another version, or the variant cannot run here. The message names the remedy.
     """
     try:
         from cuticle import mitsuba as plugins
@@ -46,7 +46,7 @@ def mitsuba(variant: str = "scalar_rgb") -> Any:
 
 @dataclass(frozen=True)
 class View:
-    """Where the camera stands and what it takes.
+    """The camera.
 
     Parameters
     ----------
@@ -96,15 +96,15 @@ class View:
 
 @dataclass(frozen=True)
 class Light:
-    """What lights a scene.
+    """The light of a scene.
 
     Parameters
     ----------
     kind
-        "env": the same light from everywhere; "studio": three softboxes and a dim room; "area": one square panel above the
-        camera's left; "point" and "sun" (parallel light) from there.
+        "env": equal light from everywhere. "studio": three softboxes in a dim room. "area": one square panel above and to
+        the left of the camera. "point" and "sun" (parallel light): from the same place.
     strength
-        Multiplies the radiance.
+        Factor on the radiance.
     """
 
     kind: str = "env"
@@ -202,11 +202,11 @@ def load_scene(
     material
         Its BSDF, a dictionary or an object.
     view, light
-        The camera and the light; three quarters from the front, and light from everywhere, if left out.
+        The camera and the light. Default: three quarters from the front, and light from everywhere.
     technique
-        The integrator, a dictionary; the path tracer if left out.
+        The integrator, a dictionary. Default: the path tracer.
     others
-        More shapes, dictionaries by name.
+        Further shapes, dictionaries by name.
     """
     view, light = view or View(), light or Light()
     origin, target = view.place(groom)

@@ -1,4 +1,4 @@
-"""The report: one self-contained HTML file from the results of fit, check and document that lie in a folder."""
+"""The report: one self-contained HTML page from the results of fit, check and document in a folder."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def write_report(folder: str | os.PathLike[str]) -> Path:
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise ValueError(f"{folder} is no folder; give the one that `cuticle fit -o` or `cuticle document -o` wrote to")
+        raise ValueError(f"{folder} is not a folder; give the one that `cuticle fit -o` or `cuticle document -o` wrote to")
     found = {name: _read(folder / name) for name in RESULTS if (folder / name).exists()}
     if not found:
         raise ValueError(f"{folder} holds none of {', '.join(RESULTS)}; make one with `{RESULTS['document.json']}`")

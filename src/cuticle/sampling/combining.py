@@ -1,4 +1,4 @@
-"""One sampler out of two: the draft's direct and multiple scattering PDFs combined."""
+"""Two samplers as one: the direct and the multiple scattering PDF of the draft, combined."""
 
 from __future__ import annotations
 
@@ -22,31 +22,31 @@ _COARSE, _FINE = (240, 60), (60, 36)
 
 
 def combine(direct: Sampler, multiple: Sampler, weight: float, *, strands: float | None = None) -> Sampler:
-    """Return the mixture weight·p_direct + (1 - weight)·p_multiple: a sampler like any other.
+    """Return the mixture weight·p_direct + (1 - weight)·p_multiple as one sampler.
 
-    For a host that does not know, when it draws a direction, whether the light there is blocked. The mixture is exact:
-    its lobes are those of both samplers.
+    Use it if the host draws a direction before it knows whether the light there is blocked. The mixture is exact: its
+    lobes are those of both samplers.
 
     Parameters
     ----------
     direct
-        A sampler whose row for 0 strands (or whose only row) is for direct light.
+        A sampler with a row for 0 strands, or with one row, for direct light.
     multiple
-        A sampler with rows for n > 0 strands; it may be the same one.
+        A sampler with rows for n > 0 strands. It may be the same sampler.
     weight
-        In (0, 1), of the direct part.
+        Share of the direct part, in (0, 1).
     strands
-        The number of strands where it is known. None: unknown, all of `multiple`'s counts above 0 alike.
+        The number of strands, if it is known. None gives all counts of `multiple` above 0 equal shares.
 
     Returns
     -------
     Sampler
-        With one row, which serves every number of strands.
+        A sampler with one row, which serves every number of strands.
 
     Raises
     ------
     ValueError
-        A weight out of range, a sampler that lacks the row, more than 32 lobes in all.
+        The weight is out of range, a sampler lacks the row, or there are more than 32 lobes in total.
 
     Examples
     --------
@@ -103,18 +103,18 @@ def _refine(table: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
 def mixed_ess(
     sampler: Density, direct: Bcsdf, multiple: Bcsdf | list[Bcsdf], share: float, theta_r: float
 ) -> tuple[float, float]:
-    """Return the ESS where each direction is directly lit with probability `share`, and the best any pdf can have.
+    """Return a sampler's ESS if each direction is directly lit with probability `share`, and the largest ESS of any pdf.
 
-    The light behind a direction is not known when it is drawn: it arrives through no strand with probability v, else
-    through n. With f_0 and f_n, E = ∫ (v f_0 + (1 - v) f_n) cos and ESS = E²/∫ (v f_0² + (1 - v) f_n²) cos²/p. No
-    density does better than p ∝ the root of that mean square.
+    Light arrives through no strand with probability v, else through n, which is unknown when the direction is drawn. With
+    E = ∫ (v f_0 + (1 - v) f_n) cos, ESS = E²/∫ (v f_0² + (1 - v) f_n²) cos²/p. It is largest for p proportional to the
+    root of that mean square.
 
     Parameters
     ----------
     sampler
         Anything with a `pdf` per steradian.
     direct, multiple
-        Scattering functions for no strands and for some; a list stands for counts that are equally likely.
+        Scattering functions for no strands and for some. A list holds counts that are equally likely.
     share
         v, 0 to 1.
     theta_r

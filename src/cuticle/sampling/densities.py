@@ -1,8 +1,10 @@
-"""One-dimensional densities as triples pdf, cdf, icdf, all per radian.
+"""The 1-D densities that lobes are made of, each with pdf, cdf and icdf; densities are per radian.
 
-`longitudinal_normal`: a normal in theta truncated to [-pi/2, pi/2]. `periodic_normal`: a normal in phi truncated to
-the one period around its mean. `even_normal`: a normal in |phi| truncated to [0, pi], either sign alike.
-Any mean and any sigma > 0 will do, means far outside the domain included.
+- `longitudinal_normal`: a normal in theta truncated to [-pi/2, pi/2].
+- `periodic_normal`: a normal in phi truncated to the period around its mean.
+- `even_normal`: a normal in abs(phi) truncated to [0, pi], with either sign equally likely.
+
+Every mean is allowed, even far outside the domain, and every sigma > 0.
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ from cuticle._support import validate
 
 @dataclass(frozen=True)
 class Density:
-    """A density on an interval: `pdf` per radian, `cdf`, and its inverse `icdf`; arguments broadcast."""
+    """A density on an interval: `pdf` (per radian), `cdf` and its inverse `icdf`. Arguments broadcast."""
 
     name: str
     low: float

@@ -1,4 +1,4 @@
-"""What a sampler has to match: f·cos(theta_i) for one viewer, on a grid."""
+"""The target of a sampler: f·cos(theta_i) for one viewer, on a grid."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cuticle.scattering.bcsdf import Bcsdf, evaluate, luminance
 
 
 class Peak(NamedTuple):
-    """Where the luminance of f·cos is largest: theta_i and phi in radians, and its value there (1/sr)."""
+    """The maximum of the luminance of f·cos: its theta_i and phi in radians, and its value in 1/sr."""
 
     theta_i: float
     phi: float
@@ -57,7 +57,7 @@ class Distribution:
 
     @property
     def energy(self) -> NDArray[np.float64]:
-        """∫ f cos theta_i d omega_i, one value a channel."""
+        """∫ f cos theta_i d omega_i for each channel."""
         return self.marginal_theta.sum(axis=0) * self._steps[0]
 
     @property

@@ -19,7 +19,7 @@ _BALANCING = 80  # steps in which the channels' ESS even out
 
 
 class Density(Protocol):
-    """What is measured: anything with a pdf per steradian."""
+    """Anything with a pdf per steradian."""
 
     def pdf(self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike, strands: ArrayLike | None = None) -> NDArray:
         """Return the density."""
@@ -27,7 +27,7 @@ class Density(Protocol):
 
 
 class UniformSphere:
-    """Every direction alike: the sampler to beat, 1/(4 pi) per steradian."""
+    """Uniform density over the sphere, 1/(4 pi) per steradian: the baseline."""
 
     def pdf(self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike, strands: ArrayLike | None = None) -> NDArray:
         """Return 1/(4 pi), of the arguments' broadcast shape."""
@@ -41,15 +41,16 @@ class Quality:
     Attributes
     ----------
     ess
-        (∫ f cos)²/∫ (f cos)²/p of the luminance, 0 to 1: independent samples of f·cos that one sample of p is worth.
+        Effective sample size of the luminance, (∫ f cos)²/∫ (f cos)²/p, from 0 to 1: the number of samples drawn from f·cos
+        itself that one sample of p is worth.
     ess_channels
         The same for each channel.
     largest_weight
-        Largest f cos/(p ∫ f cos) of the luminance: 1 for a perfect match.
+        Largest f cos/(p ∫ f cos) of the luminance. A perfect match has 1.
     energy
-        ∫ f cos, one value a channel.
+        ∫ f cos for each channel.
     energy_error
-        How far two quadrature rules differ in the luminance's energy.
+        Difference of the luminance's energy between two quadrature rules.
     total_variation
         ½ ∫ |f cos/∫ f cos - p|, 0 to 1.
     """
@@ -63,18 +64,18 @@ class Quality:
 
 
 def measure(sampler: Density, model: Bcsdf, theta_r: float, strands: float | None = None) -> Quality:
-    """Measure a sampler against a model for one viewer, by quadrature over both angles.
+    """Measure how well a sampler matches a model for one viewer, by quadrature over both angles.
 
     Parameters
     ----------
     sampler
         Anything with a `pdf` per steradian.
     model
-        The scattering function; of the strand count that `strands` names.
+        The scattering function, for the strand count `strands`.
     theta_r
-        Radians.
+        The viewer's inclination, radians.
     strands
-        Handed on to the sampler.
+        Passed to the sampler.
     """
     even = is_even(model)
 
@@ -104,16 +105,16 @@ def measure(sampler: Density, model: Bcsdf, theta_r: float, strands: float | Non
 
 @dataclass(frozen=True)
 class ChannelBounds:
-    """The most ESS that one density for all channels can have, channel by channel (...): no sampler of one fibre beats it.
+    """Bounds on the ESS of single channels when one density serves all of them.
 
     Attributes
     ----------
     luminance
-        Of the density that is the luminance of f·cos: what `objective="luminance"` strives for.
+        ESS by channel of the density proportional to the luminance of f·cos, the optimum of `objective="luminance"`.
     rgb
-        Of the density with the least mean of 1/ESS over channels: what `objective="rgb"` strives for.
+        ESS by channel of the density with the smallest mean of 1/ESS, the optimum of `objective="rgb"`.
     worst
-        Of the density whose worst channel is best: its ESS there.
+        The largest ESS that a density can have in its worst channel.
     """
 
     luminance: tuple[float, ...]
@@ -122,10 +123,10 @@ class ChannelBounds:
 
 
 def channel_bounds(model: Bcsdf, theta_r: float) -> ChannelBounds:
-    """Return what the ESS of single channels is bounded by, for one viewer (radians).
+    """Return bounds on the ESS of single channels for one viewer (radians), if one density serves all channels.
 
-    With q_c = f_c cos/∫ f_c cos, Σ λ_c/ESS_c is least for p ∝ sqrt(Σ λ_c q_c²); equal λ give `rgb`, and the λ at which
-    the channels' ESS even out give `worst` (minimax).
+    With q_c = f_c cos/∫ f_c cos, Σ λ_c/ESS_c is smallest for p ∝ sqrt(Σ λ_c q_c²). Equal λ give `rgb`; the λ that equalise
+    the channels' ESS give `worst` (minimax).
     """
     even = is_even(model)
 

@@ -1,4 +1,4 @@
-"""The sampler: a mixture of product lobes whose parameters run through a small table."""
+"""The sampler: a mixture of product lobes, whose parameters are interpolated in a small table."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ FORMAT_VERSION = 1
 
 
 class LobeSet(NamedTuple):
-    """The lobes at one theta_r, arrays of one value a lobe; those of both rows where two strand counts are blended.
+    """The lobes at one theta_r: arrays with one value per lobe, of both rows where two strand counts are blended.
 
-    Weights sum to 1; means and sigmas in radians.
+    Weights sum to 1. Means and sigmas are in radians.
     """
 
     weight: NDArray[np.float64]
@@ -58,28 +58,31 @@ class SamplerFile(BaseModel):
 
 @dataclass(frozen=True, eq=False)
 class Sampler:
-    """Draws directions toward the light for a given viewer, and tells their density.
+    """Samples directions toward the light for a given viewer, and returns their density.
 
-    A mixture of K lobes, each a density in theta_i truncated to [-pi/2, pi/2] times one in phi; the parameters
-    are linear between nodes in theta_r and in the number of strands. Between 0 strands and the next count the two
-    rows' densities are mixed in proportion to their energies, as the scattering function is.
+    The density is a mixture of K lobes: a density in theta_i truncated to [-pi/2, pi/2], times one in phi. Lobe parameters
+    are tabulated over theta_r and the number of strands, and interpolated linearly. Between 0 strands and the next count,
+    the densities of both rows are mixed in proportion to their energies, as the scattering function is.
+
+    `cuticle.fit` makes samplers; `Sampler.load` reads them from files.
 
     Parameters
     ----------
     nodes
-        Shape (strand counts, theta nodes, 5, K): weight, mean_theta, mean_phi, sigma_theta, sigma_phi, in radians,
-        at theta_r evenly spaced from -pi/2 to pi/2. Weights sum to 1; a mean lies at most one sigma outside its
-        domain.
+        Lobe parameters, shape (strand counts, theta nodes, 5, K): weight, mean_theta, mean_phi, sigma_theta, sigma_phi,
+        in radians. The nodes are evenly spaced in theta_r from -pi/2 to pi/2. Weights sum to 1. A mean lies at most one
+        sigma outside its domain.
     energy
-        Shape (strand counts, theta nodes): ∫ f cos theta_i d omega_i there.
+        ∫ f cos theta_i d omega_i at each node, shape (strand counts, theta nodes).
     strands
-        Increasing strand counts, one a row.
+        Increasing strand counts, one per row.
     even
-        Whether lobes live in abs(phi) on [0, pi], either sign alike, or each on its own period.
+        True: lobes are densities in abs(phi) on [0, pi], with either sign equally likely. False: each lobe covers the
+        period around its mean.
     about
-        What the sampler was made from: anything JSON can hold.
+        What the sampler was fitted to; anything that JSON can hold.
     family
-        What density a lobe has along each coordinate, one of `cuticle.sampling.families.FAMILIES`.
+        Density of a lobe along each coordinate, one of `cuticle.sampling.families.FAMILIES`.
     """
 
     nodes: NDArray[np.float64]
@@ -112,21 +115,21 @@ class Sampler:
 
     @property
     def fibre(self) -> Fibre | None:
-        """The fibre that the sampler was fitted to, where one is known."""
+        """The fibre that the sampler was fitted to, or None."""
         return Fibre(**self.about["fibre"]) if "fibre" in self.about else None
 
     @property
     def covers(self) -> tuple[float, ...]:
-        """Strand counts that the sampler is meant for: its rows', or those that `cuticle.combine` put into one row."""
+        """Strand counts that the sampler serves: one per row, or those that `cuticle.combine` merged into one row."""
         return validate.strand_counts("covers", self.about["covers"]) if "covers" in self.about else self.strands
 
     def row(self, strands: float) -> Sampler:
-        """Return the sampler of one strand count alone.
+        """Return the sampler of one strand count.
 
         Raises
         ------
         ValueError
-            A count between 0 and the next row's, where two mixtures are blended and no one row holds both.
+            The count lies between 0 and the next row's. Two mixtures are blended there, which one row cannot hold.
         """
         n = validate.number("strands", strands, 0, validate.MAX_STRANDS)
         angles = np.linspace(-validate.HALF_PI, validate.HALF_PI, self.nodes.shape[1])
@@ -142,15 +145,20 @@ class Sampler:
         Parameters
         ----------
         theta_i, theta_r, phi
-            Radians; arrays broadcast. All single precision: so is the result.
+            Radians; arrays broadcast. The result is in single precision if all arrays are.
         strands
-            Number of strands toward the light; beyond the last count the last one's density is used. May be left
-            out where the sampler covers one count only.
+            Number of strands toward the light. Beyond the last count, the last row is used. Optional if the sampler
+            covers one count only.
+
+        Returns
+        -------
+        ndarray
+            1/sr, of the broadcast shape.
 
         Raises
         ------
         ValueError
-            An angle out of range or not a number; shapes that do not broadcast; strands missing.
+            An angle is out of range or not a number, shapes do not broadcast, or strands are missing.
         """
         dtype = validate.float_type(theta_i, theta_r, phi)
         ti = validate.angles("theta_i", theta_i, validate.HALF_PI, dtype)
@@ -169,16 +177,16 @@ class Sampler:
         Parameters
         ----------
         theta_r
-            Radians, broadcast against `u` without its last axis.
+            The viewer's inclination, radians. Broadcasts against u.shape[:-1].
         u
-            Shape (..., 3), uniform in [0, 1): for the lobe, theta and phi.
+            Uniform random numbers in [0, 1), shape (..., 3): for the lobe, theta and phi.
         strands
             As in `pdf`.
 
         Returns
         -------
         Sample
-            theta_i, phi (radians) and their pdf (1/sr), single precision if theta_r and u are.
+            theta_i and phi in radians, pdf in 1/sr; in single precision if theta_r and u are.
 
         Examples
         --------
@@ -203,7 +211,7 @@ class Sampler:
         return Sample(theta_i.reshape(shape), phi.reshape(shape), p.reshape(shape))
 
     def mixture(self, theta_r: float, strands: float | None = None) -> LobeSet:
-        """Return the lobes at one theta_r (radians); 2 K of them between 0 and the next strand count."""
+        """Return the lobes at one theta_r (radians): K of them, or 2 K between 0 and the next strand count."""
         tr = validate.number("theta_r", theta_r, -validate.HALF_PI, validate.HALF_PI, remedy=validate.RADIANS)
         out = np.empty((2, *self.padded_nodes.shape[2:]))
         self._double.mixture(tr, float(self._strands(strands, np.float64)), out)
@@ -211,22 +219,22 @@ class Sampler:
         return LobeSet(*np.concatenate(list(rows), axis=1))
 
     def cdf_theta(self, theta_i: ArrayLike, theta_r: ArrayLike, lobe: int, strands: ArrayLike | None = None) -> NDArray:
-        """Return one lobe's probability of an inclination below theta_i (radians)."""
+        """Return one lobe's cdf in theta: the probability of an inclination below theta_i (radians)."""
         x = validate.angles("theta_i", theta_i, validate.HALF_PI, np.float64)
         return self._one_lobe(0, False, lobe, x, theta_r, strands)
 
     def icdf_theta(self, u: ArrayLike, theta_r: ArrayLike, lobe: int, strands: ArrayLike | None = None) -> NDArray:
-        """Return the inclination (radians) below which one lobe has probability u in [0, 1]."""
+        """Return one lobe's inverse cdf in theta: the inclination (radians) below which the probability is u in [0, 1]."""
         x = validate.array("u", u, 0, 1, np.float64, remedy="u is a probability")
         return self._one_lobe(0, True, lobe, x, theta_r, strands)
 
     def cdf_phi(self, phi: ArrayLike, theta_r: ArrayLike, lobe: int, strands: ArrayLike | None = None) -> NDArray:
-        """Return one lobe's probability of an azimuth between -pi and phi (radians)."""
+        """Return one lobe's cdf in phi: the probability of an azimuth between -pi and phi (radians)."""
         x = validate.angles("phi", phi, math.pi, np.float64)
         return self._one_lobe(1, False, lobe, x, theta_r, strands)
 
     def icdf_phi(self, u: ArrayLike, theta_r: ArrayLike, lobe: int, strands: ArrayLike | None = None) -> NDArray:
-        """Return the azimuth (radians) below which, from -pi on, one lobe has probability u in [0, 1]."""
+        """Return one lobe's inverse cdf in phi: the azimuth (radians) up to which, from -pi, the probability is u."""
         x = validate.array("u", u, 0, 1, np.float64, remedy="u is a probability")
         return self._one_lobe(1, True, lobe, x, theta_r, strands)
 
@@ -235,7 +243,7 @@ class Sampler:
     ) -> NDArray[np.float64]:
         """Return the exact probability of each cell of a (theta, phi) grid, from the closed-form cdfs.
 
-        Edges are increasing radians, theta in [-pi/2, pi/2] and phi in [-pi, pi]; the result has one row a theta cell.
+        Edges are in radians and increase, theta in [-pi/2, pi/2], phi in [-pi, pi]. Rows of the result are theta cells.
         """
         weights = self.mixture(theta_r, strands).weight
         total = np.zeros((np.size(theta_edges) - 1, np.size(phi_edges) - 1))
@@ -247,11 +255,11 @@ class Sampler:
         return total
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the sampler to a JSON file, whole or not at all."""
+        """Write the sampler to a JSON file; the file is replaced whole, or left as it was."""
         return write_text(path, self.to_json())
 
     def to_json(self) -> str:
-        """Return the sampler as JSON; `SamplerFile.model_json_schema()` is its schema."""
+        """Return the sampler as JSON text; `SamplerFile.model_json_schema()` returns the schema."""
         file = SamplerFile(
             lobes=self.lobes,
             theta_nodes=self.nodes.shape[1],
@@ -268,12 +276,12 @@ class Sampler:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Sampler:
-        """Read a sampler from a JSON file, or raise ValueError with the reason it is refused."""
+        """Read a sampler from a JSON file, or raise ValueError with the reason."""
         return cls.from_json(read_text(path, "sampler"), source=str(path))
 
     @classmethod
     def from_json(cls, text: str, *, source: str = "sampler") -> Sampler:
-        """Read a sampler from JSON text; `source` names it in errors."""
+        """Read a sampler from JSON text; error messages call it `source`."""
         try:
             data = json.loads(text, parse_constant=_refuse_constant)
         except json.JSONDecodeError as error:
@@ -313,7 +321,7 @@ class Sampler:
 
     @property
     def padded_nodes(self) -> NDArray[np.float64]:
-        """`nodes` with lobes of weight 0 added up to 1, 2, 4, 8, 16 or 32: what C++ packs into whole vectors."""
+        """`nodes` padded with lobes of weight 0 to 1, 2, 4, 8, 16 or 32 lobes, which fill the vectors of the C++ core."""
         return padded(self.nodes)
 
     def _table(self, dtype: Any) -> Any:

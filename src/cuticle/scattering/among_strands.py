@@ -1,4 +1,4 @@
-"""Any scattering function among other strands: dual scattering from its half-sphere averages, taken by quadrature."""
+"""Dual scattering for any scattering function, from its half-sphere averages by quadrature."""
 
 from __future__ import annotations
 
@@ -41,27 +41,26 @@ class _Averages(NamedTuple):
 
 @first_class
 class Strands:
-    """A scattering function of your own among others: light that reaches it directly, or through `strands` others.
+    """Dual scattering for any scattering function: a strand lit directly, or through other strands.
 
-    What `DualScattering` does for a `Fibre` in its exact form, for any function of a single strand, by quadrature: the
-    fractions that go on and back and their shift and width come from f itself. Light through n strands is f averaged over
-    the half turn that it comes from, dimmed by s^n (s is a_f and
-    what goes to and fro between the strands), moved and widened along theta by n scatterings; the backscatter of
-    the strands behind is summed over all orders.
+    It does for any function what the exact form of `DualScattering` does for a `Fibre`. The fractions scattered forward and
+    back, their shifts and their widths are integrals of f. Through n strands, f is averaged over the half turn from which
+    the light arrives, attenuated by s^n, and shifted and widened along theta by n scatterings; s includes light that
+    bounces between strands. The backscatter of the strands behind is summed over all orders.
 
     Parameters
     ----------
     model
-        The single strand: any object with `eval(theta_i, theta_r, phi)`. It must let less than all light out.
+        The single strand: any object with `eval(theta_i, theta_r, phi)`. It must absorb some light.
     strands
-        How many strands lie toward the light, whole or not, 0 to 10,000; between 0 and 1 as a share of light.
+        The number of strands toward the light, 0 to 10,000. A number between 0 and 1 is a share of light.
     d_f, d_b
         Strand density factors, forward and backward.
 
     Raises
     ------
     ValueError
-        Where the fractions scattered forward and back reach 1, so that multiple scattering has no sum.
+        The fractions scattered forward and back reach 1, so that multiple scattering has no sum.
 
     Examples
     --------
@@ -86,7 +85,7 @@ class Strands:
         return f"Strands({self.model!r}, {self.strands:g}, d_f={self.d_f:g}, d_b={self.d_b:g})"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what `from_dict` makes an equal function of, if it can be made again of the single strand's."""
+        """Return what `from_dict` needs, as values that JSON can hold."""
         single = type(self.model)
         known = classes().get(single.__name__) is single
         return (self.model.to_dict() if known else {}) | {  # type: ignore[attr-defined]
@@ -95,7 +94,7 @@ class Strands:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Strands:
-        """Return the function that `to_dict` described, with no strands in the way."""
+        """Return the function that `to_dict` described, for 0 strands."""
         return cls(classes()[data["single"]].from_dict(data), **data["among"])
 
     @property
@@ -104,7 +103,7 @@ class Strands:
         return int(self._spread.shape[-1])
 
     def with_strands(self, strands: float) -> Strands:
-        """Return the same function for another number of strands; what is known of it is shared."""
+        """Return the same function for another number of strands; both share their tables."""
         other = Strands(self.model, strands, d_f=self.d_f, d_b=self.d_b)
         other._shared = self._shared
         return other

@@ -1,4 +1,4 @@
-"""The interface of a scattering function, and what every consumer asks of one: f·cos, luminance, strand counts."""
+"""The interface of a scattering function, and what its consumers compute from it: f·cos, luminance, strand counts."""
 
 from __future__ import annotations
 
@@ -20,39 +20,39 @@ class Sample(NamedTuple):
 
 @runtime_checkable
 class Bcsdf(Protocol):
-    """What a model has to offer: `eval` in 1/sr without a cosine, arrays broadcast, last axis = channels.
+    """A scattering function: any object with this `eval`.
 
-    A model that is not even in phi says so with an attribute `even = False`.
+    A model with f(phi) = f(-phi) should set `even = True`; one lobe then serves both sides. The default is False.
     """
 
     def eval(self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike) -> NDArray[np.float64]:
-        """Return f(theta_i, theta_r, phi)."""
+        """Return f in 1/sr, without a cosine. Angles are radians, arrays broadcast, the last axis holds the channels."""
         ...
 
 
 def is_even(model: object) -> bool:
-    """Whether a model says that it is even in phi; one that says nothing is taken not to be."""
+    """Return whether a model declares itself even in phi; the default is no."""
     return bool(getattr(model, "even", False))
 
 
 def strands_of(model: object) -> float:
-    """Return the number of strands that a model is for; 0 where it says none."""
+    """Return a model's number of strands; the default is 0."""
     return float(getattr(model, "strands", 0.0))
 
 
 def check_model(model: object) -> None:
-    """Raise TypeError where `model` is no scattering function."""
+    """Raise TypeError if `model` is not a scattering function."""
     if not callable(getattr(model, "eval", None)):
         raise TypeError(f"model must have eval(theta_i, theta_r, phi), got {type(model).__name__}")
 
 
 def with_strands(model: Any, strands: float) -> Any:
-    """Return a scattering function for a number of strands, or itself where it knows none."""
+    """Return the model for a number of strands, or the model itself if it does not depend on strands."""
     return model.with_strands(strands) if hasattr(model, "with_strands") else model
 
 
 def evaluate(model: Bcsdf, theta_i: NDArray, theta_r: float, phi: NDArray) -> NDArray[np.float64]:
-    """Return f·cos(theta_i) on the product of two axes, checked: shape (A, B, channels), finite, not negative."""
+    """Return f·cos(theta_i) on the product of two axes, shape (A, B, channels); raise ValueError for NaN or f < 0."""
     f = np.asarray(model.eval(theta_i[:, None], theta_r, phi[None, :]), np.float64)
     shape = (len(theta_i), len(phi))
     if f.ndim != 3 or f.shape[:2] != shape:
@@ -69,10 +69,10 @@ def evaluate(model: Bcsdf, theta_i: NDArray, theta_r: float, phi: NDArray) -> ND
 
 
 def luminance_weights(channels: int) -> NDArray[np.float64]:
-    """Return what each channel counts in luminance: Rec. 709 for three, else alike."""
+    """Return the weight of each channel in the luminance: Rec. 709 for three channels, else equal weights."""
     return np.array(REC709) if channels == 3 else np.full(channels, 1 / channels)
 
 
 def luminance(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the luminance of values whose last axis is channels: Rec. 709 for three, else their mean."""
+    """Return the luminance over the last axis: Rec. 709 for three channels, else their mean."""
     return values @ luminance_weights(values.shape[-1])

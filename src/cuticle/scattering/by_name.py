@@ -1,4 +1,4 @@
-"""Scattering functions by name: what the command line takes, and what a sampler's file says it was fitted to."""
+"""Scattering functions by name: for the command line, and for a sampler's record of what it was fitted to."""
 
 from __future__ import annotations
 
@@ -21,41 +21,41 @@ MITSUBA = "mitsuba:"
 
 
 class MadeOf(Protocol):
-    """What says which scattering function it was made for: a sampler."""
+    """A sampler, as far as its record of the scattering function goes."""
 
     @property
     def about(self) -> Mapping[str, Any]:
-        """What it was made from."""
+        """The record of what it was fitted to."""
         ...
 
     @property
     def covers(self) -> tuple[float, ...]:
-        """The strand counts that it serves."""
+        """The strand counts it serves."""
         ...
 
 
 def known_names() -> str:
-    """Return what a name may be, in words."""
+    """Return the valid names, in words for a message."""
     tables = [f"[{name}]" for name in _toml_readers()]
     return f"a preset ({', '.join(PRESETS)}), a .toml with {' or '.join(tables)}, {_endings()}, or {MITSUBA}PLUGIN"
 
 
 def read_parameters_or_model(name: str, parameters: Sequence[str] = (), *, progress: Progress | None = None) -> Any:
-    """Return what a name stands for: a `Fibre`, or a scattering function that no `Fibre` describes.
+    """Return what a name denotes: a `Fibre`, or a scattering function without a `Fibre`.
 
     Parameters
     ----------
     name
         A preset, a TOML file with one table, a table of values (.npz, .csv), or mitsuba:PLUGIN.
     parameters
-        key=value of the plugin, or of a table (even, smooth): numbers, colours with commas, true or false, or words.
+        Options of the plugin, or of a table (even, smooth), as key=value: numbers, colours with commas, true, false, words.
     progress
-        Called with a phase and a fraction, where it takes long.
+        Called with a phase and a fraction.
 
     Raises
     ------
     ValueError
-        One line: what the name may be, or what is wrong with the file.
+        The name is unknown (the message lists the valid ones), or the file is wrong.
     """
     if name.startswith(MITSUBA):
         return from_mitsuba(name[len(MITSUBA) :], progress=progress, **read_parameters(parameters))
@@ -76,7 +76,7 @@ def read_parameters_or_model(name: str, parameters: Sequence[str] = (), *, progr
 
 
 def read_model(name: str, parameters: Sequence[str] = (), *, progress: Progress | None = None) -> Any:
-    """Return the scattering function that a name stands for, a `Fibre` among strands; see `read_parameters_or_model`."""
+    """Return the scattering function of a name; a `Fibre` becomes `DualScattering`. See `read_parameters_or_model`."""
     found = read_parameters_or_model(name, parameters, progress=progress)
     return DualScattering(found) if isinstance(found, Fibre) else found
 
@@ -112,12 +112,12 @@ def _value(text: str) -> Any:
 
 
 def _toml_readers() -> dict[str, Any]:
-    """Return what reads itself from a TOML file, by its table's name."""
+    """Return the classes that read themselves from TOML, by the name of their table."""
     return {c.table_name: c for c in (Fibre, *classes().values()) if hasattr(c, "table_name")}
 
 
 def _file_readers() -> dict[str, Any]:
-    """Return what reads itself from a file, by the file's ending."""
+    """Return the classes that read themselves from a file, by its ending."""
     return {suffix: c for c in classes().values() for suffix in getattr(c, "suffixes", ())}
 
 
@@ -126,18 +126,20 @@ def _endings() -> str:
 
 
 def provenance(model: Any) -> dict[str, Any]:
-    """Return what a sampler's file says of a model, so that `model_of` finds it again; JSON can hold it."""
+    """Return the record of a model that a sampler's file holds, from which `model_of` restores it."""
     known = classes().get(type(model).__name__)
     return {"model": type(model).__name__} | (model.to_dict() if known is not None and isinstance(model, known) else {})
 
 
 def model_of(sampler: MadeOf, name: str | None = None, *, progress: Progress | None = None) -> Bcsdf:
-    """Return the model that a sampler was fitted to, or the one named instead, among strands where the sampler's was.
+    """Return the model that a sampler was fitted to, or the named one instead.
+
+    The model is put among strands if the sampler's was.
 
     Raises
     ------
     ValueError
-        The sampler does not say which it was, or the table it names is gone or another.
+        The sampler has no record of its model, or the table it names is missing or has changed.
     """
     about = sampler.about
     model = _restored(about) if name is None else read_model(name, progress=progress)
@@ -147,7 +149,7 @@ def model_of(sampler: MadeOf, name: str | None = None, *, progress: Progress | N
 
 
 def _restored(about: Mapping[str, Any]) -> Any:
-    """Return the function of a single strand, or of a fibre among others, that `about` tells."""
+    """Return the function that `about` records."""
     kind = about.get("single", about.get("model", DualScattering.__name__ if "fibre" in about else None))
     if "source" in about:
         for key, restore in sources().items():

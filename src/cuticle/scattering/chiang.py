@@ -1,4 +1,4 @@
-"""Chiang et al. 2016: the hair model of pbrt, Mitsuba and Cycles, near field (offset known) and far field."""
+"""Chiang et al. 2016, the hair model of pbrt, Mitsuba and Cycles: near field (offset known) and far field."""
 
 from __future__ import annotations
 
@@ -34,20 +34,25 @@ _RANGES: validate.Ranges = {
 
 @first_class
 class Chiang(TomlModel):
-    """Far-field scattering of one fibre after Chiang et al. 2016: their near field averaged over the fibre's width.
+    """Far-field scattering of one fibre (Chiang et al. 2016): the near field averaged over the fibre's width.
+
+    `near(h)` returns the near field at a known offset.
 
     Parameters
     ----------
     beta_m, beta_n
-        Longitudinal and azimuthal roughness, 0.01 to 1, no unit: `cuticle.conventions` has what they stand for.
+        Longitudinal and azimuthal roughness, 0.01 to 1, without unit. `cuticle.conventions` converts them to widths.
     alpha
-        Tilt of the scales, degrees; positive leans toward the root, which moves R by -2 alpha, TT by +alpha and TRT by
-        +4 alpha in theta. pbrt-v4's and Mitsuba's angle has the other sign: `conventions.from_host` converts.
+        Tilt of the scales, degrees. Positive leans toward the root: R moves by -2 alpha, TT by +alpha and TRT by +4 alpha
+        in theta. pbrt-v4 and Mitsuba use the opposite sign; `conventions.from_host` converts.
     eta
         Refractive index.
-    sigma_a, eumelanin, pheomelanin, color
-        Absorption per fibre radius, one value or one a channel; or pigments; or the colour, linear RGB, that many
-        such fibres show. Give one of the three.
+    sigma_a
+        Absorption per fibre radius: one value, or one per channel.
+    eumelanin, pheomelanin
+        Pigment concentrations, instead of sigma_a.
+    color
+        The linear RGB colour that many such fibres show, instead of sigma_a.
 
     Raises
     ------
@@ -89,7 +94,7 @@ class Chiang(TomlModel):
         return f"Chiang({', '.join(f'{k}={v!r}' for k, v in self.model_dump(exclude_none=True).items())})"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what `from_dict` makes an equal function of; JSON can hold it."""
+        """Return what `from_dict` needs, as values that JSON can hold."""
         return {"chiang": self.model_dump(exclude_none=True, mode="json")}
 
     @classmethod
@@ -99,12 +104,12 @@ class Chiang(TomlModel):
 
     @property
     def even(self) -> bool:
-        """The far field is even in phi."""
+        """Whether f(phi) = f(-phi): true for the far field."""
         return True
 
     @property
     def absorption(self) -> tuple[float, ...]:
-        """Absorption per radius, one value a channel, however it was given."""
+        """Absorption per radius for each channel, from sigma_a, pigments or colour."""
         if self.sigma_a is not None:
             return self.sigma_a
         if self.color is not None:
@@ -203,17 +208,19 @@ class Chiang(TomlModel):
 
 
 class ChiangNear:
-    """Chiang's near field: offset h known, so eval, pdf and sample are closed forms and pdf matches f·cos but for colour.
+    """Chiang's near field at a known offset h, with eval, pdf and sample in closed form.
+
+    The pdf is proportional to the luminance of f·cos, or with `objective="rgb"` a compromise between channels.
 
     Parameters
     ----------
     model
         The fibre.
     h
-        Offset of the viewer's ray over the fibre's width, -1 to 1; an array broadcasts with the angles.
+        Offset of the viewer's ray across the fibre, -1 to 1. An array broadcasts with the angles.
     objective
-        "luminance": lobes are drawn by the luminance of what they carry, so that its ESS is 1. "rgb": so that the mean of
-        1/ESS over channels is least, which serves dark channels at luminance's cost.
+        "luminance" chooses lobes by their luminance, so that the luminance has an ESS of 1. "rgb" minimises 1/ESS averaged
+        over the channels, which improves dark channels at the expense of the luminance.
     """
 
     even = False
@@ -250,7 +257,7 @@ class ChiangNear:
     def pdf(
         self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike, strands: ArrayLike | None = None
     ) -> NDArray[np.float64]:
-        """Return the density of `sample`, per steradian. `strands` has no say: one fibre is all there is."""
+        """Return the density of `sample`, per steradian. `strands` is ignored."""
         shape, arrays = self._angles(theta_i, theta_r, phi)
         out = np.empty(math.prod(shape))
         if out.size:
@@ -263,11 +270,12 @@ class ChiangNear:
         Parameters
         ----------
         theta_r
-            Radians, broadcast against `u` without its last axis.
+            The viewer's inclination, radians. Broadcasts against u.shape[:-1].
         u
-            Shape (..., 3), uniform in [0, 1): for the lobe (what is left of it turns about the lobe's axis), theta, phi.
+            Uniform random numbers in [0, 1), shape (..., 3): for the lobe, theta and phi. The remainder of the first
+            rotates the direction about the lobe's axis.
         strands
-            Has no say.
+            Ignored.
 
         Returns
         -------

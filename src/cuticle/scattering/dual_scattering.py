@@ -1,4 +1,4 @@
-"""A fibre among others: dual scattering (Zinke et al. 2008)."""
+"""Dual scattering: a fibre among other strands (Zinke et al. 2008)."""
 
 from __future__ import annotations
 
@@ -25,11 +25,12 @@ _AVERAGE_QUADRATURE = 1440
 
 
 class Averages(NamedTuple):
-    """Half-sphere averages of a fibre at given inclinations; shapes (..., channels), angles in radians of theta_h.
+    """Half-sphere averages of a fibre at given inclinations: shapes (..., channels), angles in radians of theta_h.
 
-    `a_f`, `a_b`: fractions of light scattered forward and back; `alpha_f`, `alpha_b`, `beta_f`, `beta_b`: mean shift
-    and deviation of one such scattering; `back_energy`, `back_shift`, `back_deviation`: energy, mean shift and
-    deviation of all that the strands behind send back.
+    - `a_f`, `a_b`: fractions of light scattered forward and back.
+    - `alpha_f`, `alpha_b`, `beta_f`, `beta_b`: mean shift and deviation of one such scattering.
+    - `back_energy`, `back_shift`, `back_deviation`: energy, mean shift and deviation of the light that the strands behind
+      send back, over all orders.
     """
 
     a_f: NDArray[np.float64]
@@ -44,15 +45,15 @@ class Averages(NamedTuple):
 
     @property
     def pass_on(self) -> NDArray[np.float64]:
-        """What each strand passes on in a stack of them, see `pass_on`."""
+        """The fraction that each strand of a stack passes on; see the function `pass_on`."""
         return pass_on(self.a_f, self.a_b, self.back_energy)
 
 
 def pass_on(a_f: NDArray[np.float64], a_b: NDArray[np.float64], back_energy: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return s = a_f/(1 - a_b R), R = a_b + A_b: of light on a half space of strands s^n comes as far as n strands deep.
+    """Return s = a_f/(1 - a_b R) with R = a_b + A_b: a fraction s^n of the light on a half space passes n strands.
 
-    All orders of what goes to and fro between strands (Stokes 1862, a pile of plates); more than a_f^n, which counts light
-    that was never turned back.
+    This includes light that bounces between strands, over all orders (Stokes 1862, a pile of plates). a_f^n would count only
+    light that was never turned back.
     """
     return np.vectorize(lambda f, b, back: _core.stack(f, b, back, 0.0, 0.0)[0], otypes=[float])(a_f, a_b, back_energy)
 
@@ -60,27 +61,34 @@ def pass_on(a_f: NDArray[np.float64], a_b: NDArray[np.float64], back_energy: NDA
 @first_class
 @dataclass(frozen=True)
 class DualScattering:
-    """A fibre among others: light that reaches it directly, or through `strands` others (Zinke et al. 2008).
+    """Dual scattering: a fibre lit directly, or through other strands (Zinke et al. 2008).
 
-    With 0 strands f is the fibre's own plus the backscatter of the strands behind; through n > 0 strands light arrives
-    dimmed, spread over the front half of the azimuth and widened in theta. A count between 0 and 1 blends the two in
-    that proportion; other fractions are fractional powers.
+    With 0 strands, f is the fibre's own scattering plus the backscatter of the strands behind. Through n > 0 strands, light
+    arrives attenuated, spread over the front half of the azimuth and widened in theta. A count between 0 and 1 blends the
+    two in that proportion; larger fractional counts are fractional powers.
 
     Parameters
     ----------
     fibre
         The fibre.
     strands
-        How many strands lie toward the light, whole or not, 0 to 10,000.
+        The number of strands toward the light, 0 to 10,000; it need not be whole.
     formulation
-        "exact": every part carries the energy it stands for, all orders of scattering are summed, the longitudinal
-        function conserves energy. "zinke2008": the formulas as printed, with the Gaussian one. Default: the fibre's
-        own, which is "exact" unless it says otherwise.
+        "exact" conserves energy and sums all orders of scattering. "zinke2008" has the formulas as printed, with the
+        Gaussian longitudinal function. Default: the fibre's own, which is "exact" unless set. docs/models.md compares
+        them.
 
     Raises
     ------
     ValueError
-        Where the fractions of light scattered forward and back reach 1, so that multiple scattering has no sum.
+        The fractions of light scattered forward and back reach 1, so that multiple scattering has no sum.
+
+    Examples
+    --------
+    >>> import cuticle
+    >>> model = cuticle.DualScattering(cuticle.Fibre.preset("brown"), strands=2)
+    >>> model.eval(0.1, 0.2, 3.0).shape
+    (3,)
     """
 
     fibre: Fibre
@@ -97,12 +105,12 @@ class DualScattering:
         self.average_table  # noqa: B018 - refuses a fibre whose multiple scattering diverges before any other work
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what `from_dict` makes an equal function of, but for the strands; JSON can hold it."""
+        """Return all parameters but the strand count, as values that JSON can hold."""
         return {"fibre": self.fibre.to_dict(), "formulation": self.formulation}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> DualScattering:
-        """Return the function that `to_dict` described, with no strands in the way."""
+        """Return the function that `to_dict` described, for 0 strands."""
         return cls(Fibre(**data["fibre"]), formulation=data.get("formulation"))
 
     @property
@@ -157,7 +165,7 @@ class DualScattering:
     def eval(
         self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike, *, lobes: str | Iterable[str] | None = None
     ) -> NDArray[np.float64]:
-        """Return f in 1/sr, without a cosine; as `Marschner.eval`, with "back" a fourth part to ask for."""
+        """Return f in 1/sr, without a cosine; as `Marschner.eval`. `lobes` may also name "back", the backscatter."""
         mask = lobe_mask(lobes, PARTS)
         return evaluate_core(self._core, self.channels, mask, theta_i, theta_r, phi, self.strands)
 
@@ -171,22 +179,21 @@ class DualScattering:
         behind: ArrayLike | None = None,
         lobes: str | Iterable[str] | None = None,
     ) -> NDArray[np.float64]:
-        """Return f's mean where a density of hair tells how many strands to expect: what a renderer asks for.
+        """Return the mean of f over a random number of strands, of which a renderer knows the expectation.
 
-        Strands scatter about what is expected of them as counts do, N ~ Poisson(τ). The mean over N of what N strands let
-        through is E[a^N g(N)] = exp(τ (a - 1)) E[g(N')] with N' ~ Poisson(τ a), a what one passes on; shift and spread are
-        those of N'.
-        The strands' own number, `self.strands`, plays no part.
+        The number of strands on a ray is Poisson distributed: N ~ Poisson(τ). The mean of what N strands transmit is
+        E[a^N g(N)] = exp(τ (a - 1)) E[g(N')] with N' ~ Poisson(τ a), where a is the fraction that one strand passes on.
+        Shift and spread are those of N'. `self.strands` is not used.
 
         Parameters
         ----------
         theta_i, theta_r, phi, lobes
             As in `eval`; arrays broadcast.
         strands
-            Expected between the strand and the light, 0 to 10,000.
+            Expected number between this strand and the light, 0 to 10,000.
         behind
-            Expected beyond the strand, away from the light, 0 to 10,000: a stack of so many sends back less than the half
-            space of strands that dual scattering assumes, and that None stands for (Stokes 1862). "exact" only.
+            Expected number beyond this strand, away from the light, 0 to 10,000. A finite stack sends back less than the
+            half space that dual scattering assumes (Stokes 1862). None: a half space. For "exact" only.
 
         Returns
         -------
@@ -196,7 +203,7 @@ class DualScattering:
         Raises
         ------
         ValueError
-            An angle or a number of strands out of range; `behind` with "zinke2008", which stays as printed.
+            An angle or a number of strands is out of range, or `behind` is given with "zinke2008".
 
         Examples
         --------

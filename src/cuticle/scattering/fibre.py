@@ -26,7 +26,7 @@ _RANGES: validate.Ranges = {
         0.2,
         90,
         "degrees",
-        "a perfectly smooth cross-section has caustics without bound; 0.2 is all but smooth",
+        "a perfectly smooth cross-section has unbounded caustics; 0.2 is almost smooth",
         False,
     ),
     "eta": (1, 3, "", "keratin has 1.55", True),
@@ -38,10 +38,10 @@ _RANGES: validate.Ranges = {
 
 
 class Fibre(TomlModel):
-    """One hair fibre.
+    """The parameters of one hair fibre.
 
-    Angles are in degrees; alpha (shift) and beta (standard deviation) are those of Marschner et al. 2003 and
-    live in theta_h = (theta_i + theta_r)/2.
+    Angles are in degrees. Shifts (alpha) and standard deviations (beta) are those of Marschner et al. 2003, in
+    theta_h = (theta_i + theta_r)/2.
 
     Parameters
     ----------
@@ -54,8 +54,9 @@ class Fibre(TomlModel):
     eta
         Refractive index.
     sigma_a
-        Absorption per fibre radius, one value or one a channel. Or give `eumelanin` and `pheomelanin`
-        instead, concentrations that stand for three channels of linear RGB.
+        Absorption per fibre radius: one value, or one per channel.
+    eumelanin, pheomelanin
+        Pigment concentrations, instead of sigma_a; they define three channels of linear RGB.
     d_f, d_b
         Strand density factors of dual scattering, forward and backward.
     formulation
@@ -111,22 +112,22 @@ class Fibre(TomlModel):
 
     @property
     def absorption(self) -> tuple[float, ...]:
-        """Absorption per radius, one value a channel, whether given directly or as pigment."""
+        """Absorption per radius for each channel, from sigma_a or the pigments."""
         if self.sigma_a is not None:
             return self.sigma_a
         return tuple(conventions.sigma_a_of_pigment(self.eumelanin or 0.0, self.pheomelanin or 0.0).tolist())
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the parameters that are set; JSON can hold them."""
+        """Return the parameters that are set, as values that JSON can hold."""
         return self.model_dump(exclude_none=True, mode="json")
 
     @property
     def channels(self) -> int:
-        """How many values the scattering function has."""
+        """Number of channels of the scattering function."""
         return len(self.absorption)
 
     def replace(self, **changes: Any) -> Fibre:
-        """Return a fibre with some parameters changed; a change of sigma_a drops pigments and the reverse."""
+        """Return a fibre with some parameters changed. Setting sigma_a drops the pigments, and the reverse."""
         values = self.model_dump(exclude_none=True)
         if "sigma_a" in changes:
             values.pop("eumelanin", None)
@@ -137,7 +138,7 @@ class Fibre(TomlModel):
 
     @classmethod
     def preset(cls, name: str) -> Fibre:
-        """Return a published fibre by name; `cuticle.presets` tells where each comes from."""
+        """Return a published fibre by name; `cuticle.presets` gives the source of each."""
         return cls(**PRESETS[validate.choice("preset", name, PRESETS)].parameters)
 
 

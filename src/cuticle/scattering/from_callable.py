@@ -17,13 +17,13 @@ _PROBES = 16
 
 
 class Function:
-    """A deterministic function of arrays as a scattering function; `from_callable` makes one.
+    """A scattering function that calls a deterministic Python function of arrays. Made by `from_callable`.
 
     Parameters
     ----------
     function
-        function(theta_i, theta_r, phi) -> f in 1/sr without a cosine, radians; arrays of one shape in, that shape or
-        that shape plus channels out.
+        function(theta_i, theta_r, phi) returns f in 1/sr without a cosine. It takes arrays of one shape in radians, and
+        returns that shape, or that shape plus channels.
     even
         Whether f(phi) = f(-phi).
     """
@@ -61,10 +61,11 @@ def from_callable(
     Parameters
     ----------
     function
-        function(theta_i, theta_r, phi) -> f in 1/sr without a cosine, angles in radians. Of arrays (of one shape; it
-        returns that shape, or that shape plus channels), or of single numbers (it returns one value or one a channel).
+        function(theta_i, theta_r, phi) returns f in 1/sr without a cosine; angles are radians. It takes arrays of one
+        shape and returns that shape, or that shape plus channels; or it takes single numbers and returns one value, or
+        one per channel.
     even
-        Whether f(phi) = f(-phi). An even function needs half the work, and its sampler half the lobes.
+        Whether f(phi) = f(-phi). It halves the work, and lobes serve both sides.
     repeats
         How many answers of an estimator are averaged at each point of the table. 1: the function is deterministic.
     grid

@@ -34,7 +34,7 @@ REGISTERED_BY = {"cuticle": "cuticle.mitsuba"}
 
 
 class WeightedSample(NamedTuple):
-    """Directions toward the light and their pdf (1/sr), and the weight that came with them: f·cos/pdf, (..., channels)."""
+    """Directions toward the light, their pdf (1/sr), and the sampled weight f·cos/pdf, shape (..., channels)."""
 
     theta_i: NDArray[np.float64]
     phi: NDArray[np.float64]
@@ -44,7 +44,7 @@ class WeightedSample(NamedTuple):
 
 @first_class
 class MitsubaBsdf:
-    """A material of Mitsuba at one offset h: eval, pdf and sample in radians, of arrays. `from_mitsuba` makes one."""
+    """A Mitsuba material at one offset h, with eval, pdf and sample in radians. Made by `from_mitsuba`."""
 
     even = False
     strands = 0.0
@@ -61,16 +61,16 @@ class MitsubaBsdf:
         return f"MitsubaBsdf({(self.parameters or {}).get('type', self.bsdf)}, h={self.h:g}, {self.variant})"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the plugin's parameters, where they are known; JSON can hold them."""
+        """Return the plugin's parameters if they are known, as values that JSON can hold."""
         return {"source": self.source} if self.source else {}
 
     @property
     def lobe_names(self) -> tuple[str, ...]:
-        """Names of the lobes, where they are known: of `hair`, by way of `cuticle.Chiang`."""
+        """Names of the lobes if they are known: those of `hair`, through `cuticle.Chiang`."""
         return PARTS if self.chiang is not None else ()
 
     def lobe_densities(self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike) -> NDArray[np.float64]:
-        """Return each lobe's part of f·cos, shape (lobes, ...); only where `lobe_names` has any."""
+        """Return each lobe's part of f·cos, shape (lobes, ...). Needs non-empty `lobe_names`."""
         assert self.chiang is not None
         f = [self.chiang.eval(theta_i, theta_r, phi, lobes=p).mean(axis=-1) for p in PARTS]
         return np.array(f) * np.cos(theta_i)
@@ -90,14 +90,14 @@ class MitsubaBsdf:
     def pdf(
         self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike, strands: ArrayLike | None = None
     ) -> NDArray[np.float64]:
-        """Return the material's own density per steradian. `strands` has no say."""
+        """Return the material's own density per steradian. `strands` is ignored."""
         (density,), shape, _ = self._ask(theta_i, theta_r, phi, lambda *asked: (self.bsdf.pdf(*asked),))
         return density[0].reshape(shape)
 
     def sample(self, theta_r: ArrayLike, u: ArrayLike) -> WeightedSample:
         """Draw directions; u (..., 3) are Mitsuba's sample1 and sample2.
 
-        A sample of a single direction (a smooth interface's), which has no density, comes with pdf 0 and weight 0.
+        A delta sample, such as that of a smooth interface, has no density: its pdf and weight are 0.
         """
         us = validate.array("u", u, 0, 1, np.float32, remedy="u are random numbers in [0, 1)", open_end=True)
         if us.ndim < 1 or us.shape[-1] != 3:
@@ -151,32 +151,32 @@ def from_mitsuba(
     progress: Progress | None = None,
     **parameters: Any,
 ) -> MitsubaBsdf | Tabulated:
-    """Make a scattering function of a Mitsuba material.
+    """Make a scattering function from a Mitsuba material.
 
     Parameters
     ----------
     bsdf
-        A plugin's name ("hair"), with `parameters`; a dictionary for `mi.load_dict`; or a material that is loaded in the
+        A plugin's name such as "hair", with `parameters`; a dictionary for `mi.load_dict`; or a material loaded in the
         current variant.
     h
-        Offset of the viewer's ray over the fibre's width, -1 to 1, for the near field at that offset. None averages over
-        the width: the far field, tabulated on `grid`.
+        Offset of the viewer's ray across the fibre, -1 to 1: the near field at that offset. None: the far field, averaged
+        over the width and tabulated on `grid`.
     grid
         Numbers of viewers, theta_i and phi of that table.
     progress
         Called with a phase and a fraction from 0 to 1.
     parameters
-        Of the plugin; a tuple of three numbers is a colour.
+        Parameters of the plugin; a tuple of three numbers is a colour.
 
     Returns
     -------
     MitsubaBsdf or Tabulated
-        The near field is asked directly and can be audited; the far field is a table.
+        The near field evaluates the material directly and can be audited. The far field is a table.
 
     Raises
     ------
     ValueError
-        A material Mitsuba refuses; one that only scatters into single directions.
+        Mitsuba rejects the material, or it scatters into delta directions only.
     RuntimeError
         Mitsuba is not installed.
 
@@ -237,10 +237,10 @@ def _load(bsdf: Any, parameters: dict[str, Any], fast: bool) -> tuple[str, Any, 
             reason = " ".join(str(error).split())
             raise ValueError(f"Mitsuba refuses {given}: {reason}") from None
         if not hasattr(loaded, "eval_pdf"):
-            raise ValueError(f"{given.get('type')!r} is no BSDF of Mitsuba")
+            raise ValueError(f"{given.get('type')!r} is not a BSDF of Mitsuba")
         flags = mi.BSDFFlags
         if not mi.has_flag(loaded.flags(), flags.Smooth):
-            raise ValueError(f"{given.get('type')!r} scatters into single directions only: there is no density to look at")
+            raise ValueError(f"{given.get('type')!r} scatters into single directions only, so it has no density")
     return variant, loaded, given
 
 

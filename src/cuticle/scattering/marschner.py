@@ -26,17 +26,16 @@ LONGITUDINAL_OF = {"exact": "energy_conserving", "zinke2008": "gaussian"}
 class Marschner:
     """Far-field scattering of a single fibre: lobes R, TT, TRT with azimuthal roughness.
 
-    f = Σ_p M_p N_p, N_p by quadrature over the offset h smoothed by beta_N. With `longitudinal="gaussian"`
-    M_p = g(theta_h - alpha_p)/cos² theta_d (Marschner 2003, Eq. 1), which is reciprocal and does not conserve energy;
-    with "energy_conserving" M_p is d'Eon 2011, Eq. 7, over cos theta_i, which does and is not.
-    docs/models.md lists where both differ from the papers.
+    f = Σ_p M_p N_p. N_p is a quadrature over the offset h, smoothed by beta_N. docs/models.md lists the differences from
+    the papers.
 
     Parameters
     ----------
     fibre
         The fibre.
     longitudinal
-        "gaussian" or "energy_conserving".
+        "gaussian": M_p = g(theta_h - alpha_p)/cos² theta_d (Marschner 2003, Eq. 1); reciprocal, but does not conserve
+        energy. "energy_conserving": M_p of d'Eon 2011, Eq. 7, over cos theta_i; conserves energy, but is not reciprocal.
     """
 
     fibre: Fibre
@@ -49,7 +48,7 @@ class Marschner:
         validate.choice("longitudinal", self.longitudinal, LONGITUDINAL)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what `from_dict` makes an equal function of; JSON can hold it."""
+        """Return what `from_dict` needs, as values that JSON can hold."""
         return {"fibre": self.fibre.to_dict(), "longitudinal": self.longitudinal}
 
     @classmethod
@@ -91,7 +90,7 @@ class Marschner:
         theta_i, theta_r, phi
             Radians; arrays broadcast. theta in [-pi/2, pi/2]; phi = phi_i - phi_r.
         lobes
-            One of "R", "TT", "TRT" or several; all if left out.
+            One of "R", "TT", "TRT", or several. Default: all.
 
         Returns
         -------
@@ -101,7 +100,7 @@ class Marschner:
         Raises
         ------
         ValueError
-            An angle out of range or not a number; shapes that do not broadcast; an unknown lobe.
+            An angle is out of range or not a number, shapes do not broadcast, or a lobe is unknown.
 
         Examples
         --------

@@ -8,7 +8,7 @@ A class becomes one by the decorator `first_class`, in a module of this package.
 - `suffixes`, if it reads itself from files with these endings by `load(path)`;
 - `host_tables()`, if the core has closed forms for it; exports carry any other as a compact table.
 
-docs/extending.md has an example.
+docs/extending/fibre_model.md is a worked example.
 """
 
 from __future__ import annotations

@@ -34,21 +34,21 @@ _DEGREES = "angles are in radians: give degrees=True, or name the columns theta_
 
 @first_class
 class Tabulated:
-    """A scattering function on a grid of viewers and directions; f cos(theta_i) is linear between its points.
+    """A scattering function given as a table over viewers and directions.
 
-    The cosine makes it finite at the poles, where an energy-conserving f is not. Between two viewers both sheets are moved
-    along theta_i, so that their highlights (theta_i = -theta_r) fall together, and then mixed; beyond the last viewer its
-    sheet is moved alone.
+    f cos(theta_i) is interpolated linearly; unlike f, it is finite at the poles. Between two viewers, both slices are first
+    shifted along theta_i so that their highlights (theta_i = -theta_r) coincide. Beyond the last viewer, its slice is
+    shifted alone.
 
     Parameters
     ----------
     theta_r
-        Viewers' inclinations, radians, increasing, shape (R,); or one number. If none is negative, the others are taken
-        as mirror images (right for a fibre without tilt), with a warning.
+        The viewers' inclinations, radians, increasing, shape (R,); or one number. If all are on one side, the other side is
+        mirrored, with a warning; that is right for a fibre without tilt.
     theta_i
         Radians, increasing, shape (A,), to within 10° of both poles.
     phi
-        Radians, increasing, shape (B,), over a whole turn, or over [0, pi] for a function that is even.
+        Radians, increasing, shape (B,): a whole turn, or [0, pi] for an even function.
     values
         f in 1/sr, without a cosine: shape (R, A, B, channels), (R, A, B), or either without R for one viewer. What is given
         for a pole itself is not looked at. NaN is a hole: up to 20 % of a viewer's values, filled by the harmonic function
@@ -56,12 +56,12 @@ class Tabulated:
     degrees
         Whether the angles are in degrees.
     even
-        Whether a table over a whole turn is of a function with f(phi) = f(-phi): both sides are then averaged, and lobes
-        serve both. If left out, the table is even where its two sides differ by no more than noise.
+        Whether a table over a whole turn is even, f(phi) = f(-phi). Both sides are then averaged, and lobes serve both.
+        Default: true if the two sides differ by noise only.
     smooth
-        Whether values below 0 are zero-mean noise to be averaged out: values within 4 sigma of zero are smoothed over their
-        neighbourhood, stronger signal is kept. The noise's deviation may be a quarter of the largest f cos(theta_i).
-        Without it, values below 0 that sum to less than 0.1 % are set to 0 and more are refused.
+        Whether to average out values below 0 as zero-mean noise: values within 4 sigma of zero are smoothed, stronger
+        signal is kept. Sigma may be up to a quarter of the largest f cos(theta_i). Default: values below 0 that sum to less
+        than 0.1 % are set to 0, and more are refused.
 
     Raises
     ------
@@ -177,19 +177,19 @@ class Tabulated:
         return (1 - v)[:, None] * rows[:, column] + v[:, None] * rows[:, column + 1]
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the table to an .npz file, whole or not at all."""
+        """Write the table to an .npz file; the file is replaced whole, or left as it was."""
         last = None if self.even else -1
         f = self.values[:, :, :last] / np.maximum(np.cos(self.theta_i), _POLE)[:, None, None]
         return write_table(path, self.theta_r, self.theta_i, self.phi[:last], f)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, even: bool | None = None, smooth: bool = False) -> Tabulated:
-        """Read a table from an .npz or a CSV file; docs/sources.md lists what it has to hold.
+        """Read a table from an .npz or a CSV file; docs/sources.md describes the formats.
 
         Raises
         ------
         ValueError
-            A file that cannot be read or does not hold such a table; the line, the name and the remedy.
+            The file cannot be read or holds no such table; the message names the line and the remedy.
         """
         table = read_table(path)
         try:
@@ -201,7 +201,7 @@ class Tabulated:
         return made
 
     def to_dict(self) -> dict[str, Any]:
-        """Return where the table came from, if from a file or a plugin; JSON can hold it."""
+        """Return the file or plugin that the table came from, as values that JSON can hold."""
         return {"source": self.source} if self.source else {}
 
     def _column(self, phi: NDArray) -> tuple[NDArray, NDArray]:
