@@ -109,7 +109,7 @@ def reduce_tables(
     ValueError
         A function too sharp for a table.
     """
-    whole = _whole(model)
+    whole = whole_tables(model)
     if whole is None:
         return tabulate_function(model, counts, tolerance, progress)
     columns = whole.direct.shape[1]
@@ -128,7 +128,7 @@ def reduce_tables(
     return replace(thin, error=error)
 
 
-def _whole(model: Bcsdf) -> FibreTables | None:
+def whole_tables(model: Bcsdf) -> FibreTables | None:
     """The tables of a model that has closed forms in the core; None for any other."""
     if isinstance(model, Chiang):
         return FibreTables(
