@@ -49,11 +49,11 @@ $(VENV)/.installed: $(NATIVE) | $(BIN)/python
 
 # Pages are opened in a browser and shaders validated: Debian's tools are installed where that can be done, else the tests say
 # why they are skipped.
-TOOLS := chromium chromium-driver fonts-dejavu-core glslang-tools clang
+TOOLS := chromium chromium-driver fonts-dejavu-core glslang-tools spirv-cross clang
 $(VENV)/.installed-test: $(VENV)/.installed
 	$(PIP) install 'hypothesis>=6' 'karellen-llvm-core>=19' 'pytest>=8' 'pytest-xdist>=3.7' 'selenium>=4.20'
 	@if command -v chromium >/dev/null && command -v chromedriver >/dev/null && command -v glslangValidator >/dev/null \
-		&& command -v clang++ >/dev/null; then :; \
+		&& command -v clang++ >/dev/null && command -v spirv-cross >/dev/null; then :; \
 	elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
 		echo "installing $(TOOLS) for the tests"; \
 		{ apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $(TOOLS); } \

@@ -33,8 +33,6 @@ LAYERS = (
     "cli",
 )
 
-EXCEPTIONS = ("export",)  # a package that holds its names itself
-
 
 def modules(root: Path) -> dict[str, Path]:
     """Return every module below `root` by its dotted name within the package; "" is the package itself."""
@@ -84,7 +82,7 @@ def upward(root: Path) -> list[str]:
 
 def circle(root: Path) -> list[str]:
     """Return the modules of a circle of imports, an empty list where there is none."""
-    graph = {name: {u for u in used if u not in ("", *EXCEPTIONS)} for name, used in imports(root).items()}
+    graph = {name: {u for u in used if u} for name, used in imports(root).items()}
     try:
         tuple(TopologicalSorter(graph).static_order())
     except CycleError as error:

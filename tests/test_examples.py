@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 import cuticle
-from conformance import replay
-from conformance.hosts import nvcc
+from conformance.hosts import nvcc, spirv_of
 from cuticle.export import export
 from cuticle.export.headers import cmake_dir
 
@@ -156,7 +155,7 @@ def test_hlsl(brown: cuticle.Sampler, tmp_path: Path) -> None:
     main += "  Bounce b = scatter(float3(0, 0, 1), float3(1, 0, 0), float3(.2, .3, .4), 0.0);\n"
     main += "  float4 l = toward_light(float3(0, 0, 1), b.direction, float3(1, 0, 0), 2.0);\n"
     main += "  return float4(b.throughput, b.pdf) + l; }\n"
-    replay.spirv_of(made + block("rtx.md", "hlsl") + main, tmp_path)
+    spirv_of(made + block("rtx.md", "hlsl") + main, tmp_path)
 
 
 def test_cuda(brown: cuticle.Sampler, tmp_path: Path) -> None:

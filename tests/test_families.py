@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import cuticle
-from command import run
 from cuticle.sampling.families import FAMILIES, mixture_density
 
 MODEL = cuticle.Marschner(cuticle.Fibre.preset("brown"), "energy_conserving")
@@ -40,18 +39,13 @@ def test_two_lobes_gain_by_the_logistic_family(fits: dict[str, cuticle.Fit]) -> 
     assert "logistic lobes chosen by mean ESS: normal" in repr(best)
 
 
-def test_what_a_family_does_not_go_with_is_one_line(fits: dict[str, cuticle.Fit], tmp_path: Path) -> None:
+def test_what_a_family_does_not_go_with_is_one_line(fits: dict[str, cuticle.Fit]) -> None:
     with pytest.raises(ValueError, match="family must be one of normal, logistic, best; got 'square'"):
         cuticle.fit(MODEL, 2, family="square")
     with pytest.raises(ValueError, match="leave family out, got 'logistic'"):
         cuticle.fit(MODEL, form="document", family="logistic")
     with pytest.raises(ValueError, match="lobes of one family, got normal and logistic"):
         cuticle.combine(fits["normal"].sampler, fits["logistic"].sampler, 0.5)
-    fits["logistic"].sampler.save(tmp_path / "sampler.json")
-    done = run("export", "sampler.json", "--to", "glsl", "-o", "out.glsl", cwd=tmp_path)
-    assert done.returncode == 2
-    assert "normal lobes" in done.stderr
-    assert not (tmp_path / "out.glsl").exists()
 
 
 def test_a_mixtures_density_is_the_cores(fits: dict[str, cuticle.Fit]) -> None:

@@ -116,7 +116,7 @@ nb::tuple backscatter(double a_f, double a_b, double alpha_f, double alpha_b, do
 // s, the share of A_b that a stack sends back, and what comes to a strand that `count` others stand before over s^count.
 nb::tuple stack(double a_f, double a_b, double back_energy, double behind, double count) {
     const auto s = cuticle::stack(cuticle::Averages<double>{a_f, a_b, 0, 0, 0, 0, back_energy, 0, 0}, behind);
-    return nb::make_tuple(s.pass, s.back, s.reach(count));
+    return nb::make_tuple(s.pass, s.back, cuticle::reach(s, count));
 }
 
 // A model ready to evaluate; it keeps the arrays it was given.

@@ -1,11 +1,75 @@
-"""Compilers of the hosts."""
+"""The hosts: how each runs an export over inputs. A new host is one more row of `HOSTS`.
+
+A host answers rows of inputs: (theta_i, theta_r, phi, strands, u_lobe, u_theta, u_phi) with (pdf, theta_i, phi, pdf of the
+sample); or, of its scattering function, (theta_i, theta_r, phi, strands) and, for dual scattering, `behind` and whether the
+numbers are random, with f. It skips the test where what it takes is missing.
+"""
 
 from __future__ import annotations
 
+import base64
 import os
+import re
 import shutil
+import subprocess
 import sys
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cuticle.export.registry import Export
+from cuticle.sampling.sampler import Sampler
+
+PROGRAM = Path(__file__).parent
+WARNINGS = ["-Wall", "-Wextra", "-Wconversion", "-Werror"]
+SAMPLER, EVAL, AROUND = 7, 4, 6  # columns of inputs, which say what is asked
+
+
+@dataclass(frozen=True)
+class Run:
+    """Runs an export over inputs, one row an answer. `reassociates`: its compiler may, in single precision."""
+
+    answers: Callable[[Export, np.ndarray, Path, Any], np.ndarray]
+    reassociates: bool = False
+
+
+def compiled(
+    made: Export, x: np.ndarray, folder: Path, *, command: list[str], suffix: str = "cpp", precision: str = "float"
+) -> np.ndarray:
+    """Compile an exported header alone in an empty folder, and run it over the inputs."""
+    build(made.text, x, folder, command=command, suffix=suffix, precision=precision)
+    x.astype("<f4").tofile(folder / "inputs")
+    ran = subprocess.run(
+        ["./replay", "inputs", "outputs"], cwd=folder, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert ran.returncode == 0, ran.stderr
+    return np.fromfile(folder / "outputs", "<f8").reshape(len(x), -1)
+
+
+def build(text: str, x: np.ndarray, folder: Path, *, command: list[str], suffix: str, precision: str) -> None:
+    """Compile it; a warning is an error."""
+    (folder / "fibre.h").write_text(text)
+    shutil.copy(PROGRAM / f"replay.{suffix}", folder)
+    asked = {SAMPLER: [], EVAL: ["-DEVAL"], AROUND: ["-DEVAL", "-DAROUND"]}[x.shape[1]]
+    built = subprocess.run(
+        [*command, *asked, f"-DREAL={precision}", f"replay.{suffix}", "-o", "replay"],
+        cwd=folder, capture_output=True, text=True, timeout=300, check=False,
+    )  # fmt: skip
+    assert built.returncode == 0, built.stderr
+    assert "warning" not in built.stderr, built.stderr
+
+
+def cpp(
+    made: Export, x: np.ndarray, folder: Path, *, compiler: str = "g++", flags: tuple[str, ...] = ("-O1",),
+    precision: str = "float",
+) -> np.ndarray:  # fmt: skip
+    """By a C++ compiler."""
+    need(compiler)
+    return compiled(made, x, folder, command=[compiler, "-std=c++17", *flags, *WARNINGS], precision=precision)
 
 
 def nvcc() -> str | None:
@@ -25,3 +89,102 @@ def nvcc_command(compiler: str) -> list[str]:
     command = [compiler, "-std=c++17", "-O3", "-Xcompiler", "-Wall,-Wextra", "--Werror", "all-warnings"]
     libraries = [f"-L{folder}" for folder in sorted(Path(compiler).parents[1].glob("lib*"))]
     return command + libraries + (["-arch=native"] if has_gpu() else [])
+
+
+def cuda(made: Export, x: np.ndarray, folder: Path, *, flags: tuple[str, ...] = (), precision: str = "float") -> np.ndarray:
+    """By nvcc; the test is skipped where there is no compiler, or, once that has compiled it, no GPU."""
+    compiler = nvcc()
+    if compiler is None:
+        pytest.skip(
+            "no nvcc: CUDA's toolkit, or pip install nvidia-cuda-nvcc nvidia-nvvm nvidia-cuda-crt nvidia-cuda-runtime"
+        )
+    command = [*nvcc_command(compiler), *flags]
+    if not has_gpu():
+        build(made.text, x, folder, command=[*command, "-c"], suffix="cu", precision=precision)
+        pytest.skip("no GPU: compiled without a warning, not run")
+    return compiled(made, x, folder, command=command, suffix="cu", precision=precision)
+
+
+def shaded(shader: str, made: Export, x: np.ndarray, folder: Path, driver: Any) -> np.ndarray:
+    """Run a fragment shader in a browser, an input a pixel."""
+    page = (PROGRAM / "replay.html").read_text().replace("/* SHADER */", shader)
+    (folder / "replay.html").write_text(page)
+    driver.get((folder / "replay.html").as_uri())
+    texts = [base64.b64encode(v).decode() for v in (x.astype("<f4").tobytes(), made.data)]
+    driver.set_script_timeout(120)
+    asked = asked_of(made, x, "vec4")
+    done = driver.execute_script("return replay(...arguments)", texts[0], x.shape[1], asked, texts[1])
+    assert done.get("error") is None, str(done)[:2000]
+    out = np.frombuffer(base64.b64decode(done["values"]), "<f4").reshape(-1, 4)[: len(x)].astype(float)
+    return out if x.shape[1] == SAMPLER else out[:, : made.model.channels]  # type: ignore[union-attr]
+
+
+def asked_of(made: Export, x: np.ndarray, four: str) -> str:
+    """What a shader returns of an input, in a language whose vector of four numbers is `four`."""
+    if x.shape[1] == SAMPLER:
+        return f"{four}(fibre_pdf(a.x, a.y, a.z, a.w), fibre_sample(a.y, u.xyz, a.w))"
+    assert made.model is not None
+    call = "fibre_eval(a.x, a.y, a.z, a.w" if x.shape[1] == EVAL else "fibre_eval_around(a.x, a.y, a.z, a.w, u.x, u.y > 0.0"
+    return f"{four}({call})" + ", 0.0" * (4 - made.model.channels) + ")"
+
+
+def glsl(made: Export, x: np.ndarray, folder: Path, driver: Any) -> np.ndarray:
+    """In a browser."""
+    return shaded(made.text, made, x, folder, driver)
+
+
+def hlsl(made: Export, x: np.ndarray, folder: Path, driver: Any) -> np.ndarray:
+    """What a compiler makes of it, written as GLSL, in a browser: no Direct3D is needed."""
+    main = f"""
+Texture2D<float4> first, second;
+float4 main(float4 place : SV_Position) : SV_Target {{
+    int3 at = int3(int2(place.xy), 0);
+    float4 a = first.Load(at), u = second.Load(at);
+    return {asked_of(made, x, "float4")};
+}}
+"""
+    spirv_of(made.text + main, folder)
+    need("spirv-cross")
+    written = subprocess.run(
+        ["spirv-cross", "--es", "--version", "300", "main.spv"], cwd=folder, capture_output=True, text=True, check=True
+    )
+    shader = re.sub(r"SPIRV_Cross_Combined(\w+?)SPIRV_Cross_DummySampler", r"\1", written.stdout)
+    return shaded(shader, made, x, folder, driver)
+
+
+def spirv_of(text: str, folder: Path) -> None:
+    """Compile HLSL with a pixel shader's entry point `main` to main.spv; skip the test where its compiler is missing."""
+    need("glslangValidator", "glslang-tools")
+    (folder / "main.hlsl").write_text(text)
+    command = ["glslangValidator", "-D", "-V", "-e", "main", "-S", "frag", "-o", "main.spv", "main.hlsl"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+    assert "WARNING" not in done.stdout, done.stdout
+
+
+def read_back(made: Export, x: np.ndarray, folder: Path, driver: Any) -> np.ndarray:
+    """The sampler's file, by Python in single precision."""
+    return python(Sampler.from_json(made.text), x)
+
+
+def python(sampler: Sampler, x: np.ndarray) -> np.ndarray:
+    """Python in single precision."""
+    ti, tr, ph, n = (np.ascontiguousarray(c) for c in x[:, :4].T)
+    s = sampler.sample(tr, np.ascontiguousarray(x[:, 4:]), n)
+    return np.stack([sampler.pdf(ti, tr, ph, n), *s], axis=1)
+
+
+def need(tool: str, package: str = "") -> None:
+    """Skip the test where a program is missing."""
+    if shutil.which(tool) is None:
+        pytest.skip(f"{tool} is not installed (Debian: apt-get install {package or tool})")
+
+
+# web: its shaders are GLSL's, and tests/test_web.py reads them back.
+HOSTS = {
+    "cpp": Run(lambda made, x, folder, driver: cpp(made, x, folder)),
+    "cuda": Run(lambda made, x, folder, driver: cuda(made, x, folder)),
+    "glsl": Run(glsl, reassociates=True),
+    "hlsl": Run(hlsl, reassociates=True),
+    "json": Run(read_back),
+}

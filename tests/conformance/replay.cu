@@ -1,14 +1,22 @@
-// The same on a GPU, a row a thread; with EVAL the scattering function alone, of theta_i, theta_r, phi and strands.
+// The same on a GPU, a row a thread.
 #include "fibre.h"
 
 #include <cstdio>
 #include <vector>
 
 #ifdef EVAL
+#ifdef AROUND
+constexpr int inputs = 6, outputs = fibre::channels;
+#else
 constexpr int inputs = 4, outputs = fibre::channels;
+#endif
 __device__ void answer(const REAL *x, double *out) {
     REAL f[outputs];
+#ifdef AROUND
+    fibre::eval_around(x[0], x[1], x[2], f, x[3], x[4], x[5] > 0);
+#else
     fibre::eval(x[0], x[1], x[2], f, x[3]);
+#endif
     for (int c = 0; c < outputs; ++c) out[c] = double(f[c]);
 }
 #else

@@ -1,4 +1,4 @@
-"""Inputs, the reference, the comparison, and each host that replays the inputs.
+"""Inputs, the reference and the comparison.
 
 Tolerances. The density: 1e-4 relative. In single precision a lobe's exponent z² carries a relative error of a few 1e-7 and
 is at most 60 before the density is 1e-24, which makes 3e-5; densities below 1e-12/sr are compared absolutely. Angles: 1e-4
@@ -11,23 +11,16 @@ allowed that, too.
 from __future__ import annotations
 
 import hashlib
-import re
-import shutil
-import subprocess
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
-import pytest
 
-from conformance.hosts import has_gpu, nvcc, nvcc_command
 from cuticle.sampling.sampler import Sampler
 
 COUNT = 100_000
 DIGEST = "5c144dd58fa49c16"
 COLUMNS = ("theta_i", "theta_r", "phi", "strands", "u_lobe", "u_theta", "u_phi")
 PDF, ANGLE, BORDER, LEAST, MERGED = 1e-4, 1e-4, 3e-6, 1e-12, 5e-8
-PROGRAM = Path(__file__).parent
 
 
 def inputs() -> np.ndarray:
@@ -91,7 +84,7 @@ def compare(host: str, sampler: Sampler, x: np.ndarray, got: np.ndarray, *, reas
         u = x[:, 4:].copy()
         u[:, 0] = np.clip(u[:, 0] + step, 0, 1 - 1e-16)
         s = sampler.sample(theta_r, u, strands)
-        off = np.maximum(np.abs(got[:, 1] - s.theta_i), np.abs(_turn(got[:, 2] - s.phi)))
+        off = np.maximum(np.abs(got[:, 1] - s.theta_i), np.abs(turn(got[:, 2] - s.phi)))
         angle = np.fmin(angle, off)
     bad = ~np.isfinite(got).all(axis=1)
     angle[bad] = np.inf
@@ -114,7 +107,8 @@ def _relative(value: np.ndarray, reference: np.ndarray, slack: np.ndarray) -> np
     return np.where(np.isfinite(error), error, np.inf)
 
 
-def _turn(x: np.ndarray) -> np.ndarray:
+def turn(x: np.ndarray) -> np.ndarray:
+    """Return angles less whole turns."""
     return x - 2 * np.pi * np.round(x / (2 * np.pi))
 
 
@@ -123,92 +117,3 @@ def python(sampler: Sampler, x: np.ndarray) -> np.ndarray:
     ti, tr, ph, n = (np.ascontiguousarray(c) for c in x[:, :4].T)
     s = sampler.sample(tr, np.ascontiguousarray(x[:, 4:]), n)
     return np.stack([sampler.pdf(ti, tr, ph, n), *s], axis=1)
-
-
-def compiled(
-    command: list[str], header: str, x: np.ndarray, folder: Path, *, suffix: str = "cpp", precision: str = "float"
-) -> np.ndarray:
-    """Compile an exported header alone in an empty folder, and run it over the inputs."""
-    build(command, header, folder, suffix=suffix, precision=precision)
-    return _run(x, folder)
-
-
-def on_a_gpu(header: str, x: np.ndarray, folder: Path, *flags: str, precision: str = "float") -> np.ndarray:
-    """The same of exported CUDA; the test is skipped where there is no compiler, or, once that has compiled it, no GPU."""
-    compiler = nvcc()
-    if compiler is None:
-        pytest.skip(
-            "no nvcc: CUDA's toolkit, or pip install nvidia-cuda-nvcc nvidia-nvvm nvidia-cuda-crt nvidia-cuda-runtime"
-        )
-    command = [*nvcc_command(compiler), *flags]
-    if not has_gpu():
-        build([*command, "-c"], header, folder, suffix="cu", precision=precision)
-        pytest.skip("no GPU: compiled without a warning, not run")
-    return compiled(command, header, x, folder, suffix="cu", precision=precision)
-
-
-def _run(x: np.ndarray, folder: Path) -> np.ndarray:
-    x.astype("<f4").tofile(folder / "inputs")
-    ran = subprocess.run(
-        ["./replay", "inputs", "outputs"], cwd=folder, capture_output=True, text=True, timeout=120, check=False
-    )
-    assert ran.returncode == 0, ran.stderr
-    return np.fromfile(folder / "outputs", "<f8").reshape(len(x), -1)
-
-
-def build(command: list[str], header: str, folder: Path, *, suffix: str = "cpp", precision: str = "float") -> None:
-    (folder / "fibre.h").write_text(header)
-    shutil.copy(PROGRAM / f"replay.{suffix}", folder)
-    built = subprocess.run(
-        [*command, f"-DREAL={precision}", f"replay.{suffix}", "-o", "replay"],
-        cwd=folder, capture_output=True, text=True, timeout=300, check=False,
-    )  # fmt: skip
-    assert built.returncode == 0, built.stderr
-    assert "warning" not in built.stderr, built.stderr
-
-
-def shaded(driver: object, shader: str, x: np.ndarray, folder: Path) -> np.ndarray:
-    """GLSL in a browser: inputs as float textures, results read back from one."""
-    import base64
-
-    page = (PROGRAM / "replay.html").read_text().replace("/* SHADER */", shader)
-    (folder / "replay.html").write_text(page)
-    driver.get((folder / "replay.html").as_uri())  # type: ignore[attr-defined]
-    text = base64.b64encode(x.astype("<f4").tobytes()).decode()
-    driver.set_script_timeout(120)  # type: ignore[attr-defined]
-    done = driver.execute_script("return replay(arguments[0], arguments[1])", text, len(COLUMNS))  # type: ignore[attr-defined]
-    assert done.get("error") is None, str(done)[:2000]
-    return np.frombuffer(base64.b64decode(done["values"]), "<f4").reshape(-1, 4)[: len(x)].astype(float)
-
-
-def translated(hlsl: str, folder: Path) -> str:
-    """HLSL as the whole fragment shader that `shaded` takes: compiled to SPIR-V, and that written as GLSL."""
-    main = """
-Texture2D<float4> first, second;
-float4 main(float4 place : SV_Position) : SV_Target {
-    int3 at = int3(int2(place.xy), 0);
-    float4 a = first.Load(at), u = second.Load(at);
-    return float4(fibre_pdf(a.x, a.y, a.z, a.w), fibre_sample(a.y, u.xyz, a.w));
-}
-"""
-    spirv_of(hlsl + main, folder)
-    _need("spirv-cross", "spirv-cross")
-    written = subprocess.run(
-        ["spirv-cross", "--es", "--version", "300", "main.spv"], cwd=folder, capture_output=True, text=True, check=True
-    )
-    return re.sub(r"SPIRV_Cross_Combined(\w+?)SPIRV_Cross_DummySampler", r"\1", written.stdout)
-
-
-def spirv_of(hlsl: str, folder: Path) -> None:
-    """Compile HLSL with a pixel shader's entry point `main` to main.spv; skip the test where its compiler is missing."""
-    _need("glslangValidator", "glslang-tools")
-    (folder / "main.hlsl").write_text(hlsl)
-    command = ["glslangValidator", "-D", "-V", "-e", "main", "-S", "frag", "-o", "main.spv", "main.hlsl"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout
-    assert "WARNING" not in done.stdout, done.stdout
-
-
-def _need(tool: str, package: str) -> None:
-    if shutil.which(tool) is None:
-        pytest.skip(f"{tool} is not installed (Debian: apt-get install {package})")

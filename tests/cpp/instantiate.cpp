@@ -157,7 +157,7 @@ template <class F, class S, class M> struct Use {
             backscatter_exact(a);
             backscatter_zinke2008(a, x);
         }
-        return stack(a, x).reach(y);
+        return reach(stack(a, x), y);
     }
 #endif
 #ifdef USE_scattering_dual_scattering

@@ -57,25 +57,28 @@ template <class T> CUTICLE_INLINE T erf(const T &x) {
     return q.over / q.under;
 }
 
-// The inverse of erf to single precision, by way of w = -ln(1 - p²) as M. Giles, "Approximating the erfinv function" (2010);
-// his polynomial where |p| <= .9966. Beyond, `far(w)` may know w better than p tells it, and a polynomial of √w of our own
-// goes on to w = 38 (benchmarks/fit_polynomials.py).
-template <class T, class Far> CUTICLE_INLINE T erfinv_single(const T &p, const Far &far) {
-    const T w = -math::log(max(T((T(1) - p) * (T(1) + p)), T(5e-17)));
-    // After Estrin, by half the wait of Horner's rule.
+// The inverse of erf to single precision, over p, by way of w = -ln(1 - p²) as M. Giles, "Approximating the erfinv function"
+// (2010): his polynomial for w < 5, where |p| <= .9966, after Estrin, by half the wait of Horner's rule; beyond, a
+// polynomial of √w of our own goes on to w = 38 (benchmarks/fit_polynomials.py). Only the latter is rare.
+template <class T> CUTICLE_INLINE T erfinv_depth(const T &p) {
+    return -math::log(max(T((T(1) - p) * (T(1) + p)), T(5e-17)));
+}
+template <class T> CUTICLE_INLINE T erfinv_central(const T &w) {
     const T x = w - T(2.5), x2 = x * x, x4 = x2 * x2;
-    const T central = (T(2.81022636e-08) * x4 + polynomial(x2, T(T(3.43273939e-07) * x + T(-3.5233877e-06)),
-                                                           T(T(-4.39150654e-06) * x + T(0.00021858087)))) *
-                          x4 +
-                      polynomial(x2, T(T(-0.00125372503) * x + T(-0.00417768164)), T(T(0.246640727) * x + T(1.50140941)));
-    if (!ArrayTraits<T>::any(w > T(5))) return p * central;  // else rare
-    const T tail = polynomial(T(math::sqrt(max(T(far(w)), T(5))) - T(4)), T(-1.60476247e-06), T(1.94593467e-05),
-                              T(-6.70821682e-05), T(8.13514271e-05), T(-5.72178978e-05), T(.000271576137), T(-.000914475415),
-                              T(.00128535682), T(1.00950396), T(3.839782));
-    return p * select(w < T(5), central, tail);
+    return (T(2.81022636e-08) * x4 +
+            polynomial(x2, T(T(3.43273939e-07) * x + T(-3.5233877e-06)), T(T(-4.39150654e-06) * x + T(0.00021858087)))) *
+               x4 +
+           polynomial(x2, T(T(-0.00125372503) * x + T(-0.00417768164)), T(T(0.246640727) * x + T(1.50140941)));
+}
+template <class T> CUTICLE_INLINE T erfinv_tail(const T &w) {
+    const T x = math::sqrt(max(w, T(5))) - T(4);
+    return polynomial(x, T(-1.60476247e-06), T(1.94593467e-05), T(-6.70821682e-05), T(8.13514271e-05), T(-5.72178978e-05),
+                      T(.000271576137), T(-.000914475415), T(.00128535682), T(1.00950396), T(3.839782));
 }
 template <class T> CUTICLE_INLINE T erfinv_single(const T &p) {
-    return erfinv_single(p, [](const T &w) { return w; });
+    const T w = erfinv_depth(p), central = erfinv_central(w);
+    if (!ArrayTraits<T>::any(w > T(5))) return p * central;
+    return p * select(w < T(5), central, erfinv_tail(w));
 }
 
 // exp(x²) erfc(x) for x >= 0 in single precision: t P(t), t = 1/(1 + x/2), relative error 7e-7 before rounding up to x = 8

@@ -208,10 +208,39 @@ template <class T> CUTICLE_INLINE T wrap_angle(const T &x) {
     return clamp(T(select(r <= T(-pi<T>), T(pi<T>), r)), T(-pi<T>), T(pi<T>));
 }
 
+// From a to b by the share t.
+template <class Value, class Float> CUTICLE_INLINE Value linear(const Value &a, const Value &b, const Float &t) {
+    return a + t * (b - a);
+}
+// The same as a convex sum: rounding never makes it negative.
+template <class Value, class Float> CUTICLE_INLINE Value convex(const Value &a, const Value &b, const Float &t) {
+    return (Float(1) - t) * a + t * b;
+}
+template <class Value, class Float>
+CUTICLE_INLINE Value bilinear(const Value &a0, const Value &a1, const Value &b0, const Value &b1, const Float &t,
+                              const Float &u) {
+    return convex(convex(a0, a1, u), convex(b0, b1, u), t);
+}
+
 // sin on [-pi/2, pi/2], minimax of degree 9 (benchmarks/fit_polynomials.py), error below 1e-7.
 template <class T> CUTICLE_INLINE T sin_single(const T &x) {
     const T t = x * x;
     return x * polynomial(t, T(2.60190274e-6f), T(-1.98074186e-4f), T(8.33302514e-3f), T(-.166666567f), T(1.f));
+}
+
+// By a choice, where there is no function for it.
+template <class T> CUTICLE_INLINE T copysign_chosen(const T &x, const T &sign) {
+    const T size = math::abs(x);
+    return select(sign < T(0), T(-size), size);
+}
+
+// sin and cos of any angle, error below 2e-7: for vectors, and for shaders, whose own may be off by 5e-4.
+template <class T> CUTICLE_INLINE T sin_turned(const T &x) {
+    const T r = nearest_turn(x), far = math::abs(r);
+    return copysign_chosen(sin_single(min(far, T(T(pi<T>) - far))), r);
+}
+template <class T> CUTICLE_INLINE T cos_turned(const T &x) {
+    return sin_single(T(T(half_pi<T>) - math::abs(nearest_turn(x))));
 }
 
 // cos theta for |theta| <= pi/2 with relative precision up to the poles (the plain cosine of the
@@ -232,6 +261,22 @@ template <class T> CUTICLE_INLINE T cos_theta(const T &theta) {
 }
 
 }  // namespace math
+
+// A place among nodes: the one below, and the fraction towards the next.
+template <class Float> struct Place {
+    typename ArrayTraits<Float>::Index node;
+    Float t;
+};
+
+// Among `count` nodes at 0, 1, ...; what lies outside is held to the ends.
+template <class Float> CUTICLE_INLINE Place<Float> locate_node(const Float &place, int count) {
+    using Traits = ArrayTraits<Float>;
+    using Index = typename Traits::Index;
+    const Float x = math::clamp(place, Float(0), Float(count - 1));
+    const Index node = math::min(Traits::to_index(x), Index(count - 2));
+    return {node, x - Float(node)};
+}
+
 }  // namespace cuticle
 
 #endif  // CUTICLE_MATH_FUNCTIONS_H

@@ -9,18 +9,6 @@ namespace cuticle {
 
 namespace detail {
 
-// A lobe in every lane, along theta and along phi.
-template <class Family, bool Fine = true, class Lanes>
-CUTICLE_INLINE DensityOf<Family, Lanes> make_theta(const Lanes &mean, const Lanes &sigma) {
-    const Lanes pole(half_pi<double>);
-    return Family::template make<Fine>(mean, sigma, Lanes(-pole), pole);
-}
-template <class Family, bool Fine = true, class Lanes>
-CUTICLE_INLINE DensityOf<Family, Lanes> make_phi(const Lanes &mean, const Lanes &sigma, bool even) {
-    const Lanes turn(pi<double>);
-    return Family::template make<Fine>(mean, sigma, even ? Lanes(0) : Lanes(mean - turn), even ? turn : Lanes(mean + turn));
-}
-
 // One lobe's density, each of its numbers in every lane: lobe by lobe all stays in registers.
 template <class Lanes, class Family> struct LaneLobe {
     Lanes weight, scale;
@@ -38,9 +26,7 @@ template <class Lanes, class Family> struct LaneLobe {
 
     // In d theta_i d phi; `place` is |phi| for even lobes, and within half a turn of 0.
     CUTICLE_INLINE Lanes density(const Lanes &theta_i, const Lanes &place, bool even) const {
-        const Lanes d = place - phi.mean;
-        const Lanes a = (theta_i - theta.mean) * theta.rate, b = (even ? d : short_way(d)) * phi.rate;
-        return scale * Family::together(Family::along(a), Family::along(b));
+        return lobe_density<Family>(theta, phi, scale, theta_i, place, even);
     }
 };
 

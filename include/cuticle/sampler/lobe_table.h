@@ -37,16 +37,21 @@ template <class Float> struct ThetaPosition {
     Float t;  // fraction towards node + 1
 };
 
-template <class Float, class Scalar, int K, class Memory, class Family>
-CUTICLE_INLINE ThetaPosition<Float> locate_theta(const LobeTable<Scalar, K, Memory, Family> &table, const Float &theta_r) {
+// Among equal cells from -pi/2 to pi/2.
+template <class Float> CUTICLE_INLINE ThetaPosition<Float> locate_cell(int cells, const Float &theta_r) {
     using Index = typename ArrayTraits<Float>::Index;
-    const Float last = Float(table.theta_nodes - 1);
+    const Float last = Float(cells);
     // Just below the last node, so that there is one after it. In this order what is no number reads the first node, and
     // stays none by its fraction.
     const Float x = math::min(math::max(Float(0), Float((theta_r * Float(1 / pi<double>) + Float(.5)) * last)),
                               Float(last * Float(1 - epsilon<Float>)));
     const Index node = ArrayTraits<Float>::to_index(x);
     return {node, Float((x - Float(node)) + Float(0) * theta_r)};
+}
+
+template <class Float, class Scalar, int K, class Memory, class Family>
+CUTICLE_INLINE ThetaPosition<Float> locate_theta(const LobeTable<Scalar, K, Memory, Family> &table, const Float &theta_r) {
+    return locate_cell(table.theta_nodes - 1, theta_r);
 }
 
 // Where the number of strands falls. From 0 strands to the first positive count the scattering function is a blend of two
@@ -58,18 +63,21 @@ template <class Count> struct RowPosition {
     decltype(Count(0) < Count(0)) blend;  // row 0 is for no strands, row 1 for some
 };
 
+// The fraction from one count towards the next.
+template <class Mask, class Count>
+CUTICLE_INLINE Count count_fraction(const Mask &blend, const Count &low, const Count &high, const Count &strands) {
+    const Count span = select(blend, math::min(high, Count(1)), Count(high - low));
+    return math::clamp(Count((strands - low) / span), Count(0), Count(1));
+}
+
 template <class Count, class Scalar, int K, class Memory, class Family>
 CUTICLE_INLINE RowPosition<Count> locate_row(const LobeTable<Scalar, K, Memory, Family> &table, const Count &strands) {
     const bool several = table.rows > 1, from_none = several && table.strands[0] == Scalar(0);
     const CountInterval<Count> count = locate_count(table.strands, table.rows, strands);
-    const Count lo = count.low, hi = count.high;
     const auto blend = strands < (from_none ? Count(table.strands[1]) : Count(0));
     // A branch, not a division on the way to every load: counts are whole more often than not.
     Count s = Count(0);
-    if (several && ArrayTraits<Count>::any(strands > lo)) {
-        const Count span = select(blend, math::min(hi, Count(1)), Count(hi - lo));
-        s = math::clamp(Count((strands - lo) / span), Count(0), Count(1));
-    }
+    if (several && ArrayTraits<Count>::any(strands > count.low)) s = count_fraction(blend, count.low, count.high, strands);
     return {count.row, s, blend};
 }
 

@@ -47,6 +47,27 @@ CUTICLE_INLINE Set lobe_scale(const Set &weight, const Set &rates, const Set &ma
     return weight * rates * Set(Family::height * Family::height * (even ? .5 : 1.)) * unders / masses;
 }
 
+// A lobe along theta and along phi, where each of a mixture's lobes is asked for by itself. Not Fine: for the density alone.
+template <class Family, bool Fine = true, class Float>
+CUTICLE_INLINE DensityOf<Family, Float> make_theta(const Float &mean, const Float &sigma) {
+    const Float pole = Float(half_pi<double>);
+    return Family::template make<Fine>(mean, sigma, Float(-pole), pole);
+}
+template <class Family, bool Fine = true, class Float>
+CUTICLE_INLINE DensityOf<Family, Float> make_phi(const Float &mean, const Float &sigma, bool even) {
+    const Float turn = Float(pi<double>);
+    return Family::template make<Fine>(mean, sigma, even ? Float(0) : Float(mean - turn), even ? turn : Float(mean + turn));
+}
+
+// Its density in d theta_i d phi. `place` is |phi| for even lobes, and within half a turn of 0.
+template <class Family, class Float>
+CUTICLE_INLINE Float lobe_density(const DensityOf<Family, Float> &theta, const DensityOf<Family, Float> &phi,
+                                  const Float &scale, const Float &theta_i, const Float &place, bool even) {
+    const Float d = place - phi.mean;
+    const Float a = (theta_i - theta.mean) * theta.rate, b = (even ? d : short_way(d)) * phi.rate;
+    return scale * Family::together(Family::along(a), Family::along(b));
+}
+
 template <class Family, class Float> CUTICLE_INLINE Float invert_theta(const DensityOf<Family, Float> &d, const Float &u) {
     // The float nearest to pi/2 lies past the pole: stay one ulp inside.
     const Float limit = Float(half_pi<Float> * (1 - epsilon<Float>));
@@ -55,11 +76,13 @@ template <class Family, class Float> CUTICLE_INLINE Float invert_theta(const Den
 // A periodic lobe is inverted from its own seam: any order of the circle serves a sample.
 template <class Family, class Float>
 CUTICLE_INLINE Float invert_phi(const DensityOf<Family, Float> &d, const Float &u, bool even) {
-    const auto inverse = [&](const Float &v, const Float &lo, const Float &hi) {
-        return math::clamp(Family::icdf(d, v, lo, hi), lo, hi);
-    };
-    if (even) return even_icdf([&](const Float &v) { return inverse(v, Float(0), Float(pi<Float>)); }, u);
-    return math::wrap_angle(inverse(u, Float(d.mean - Float(pi<Float>)), Float(d.mean + Float(pi<Float>))));
+    const Float turn = Float(pi<Float>);
+    if (even) {
+        const Float v = Float(2) * u - Float(1);
+        return math::copysign(math::clamp(Family::icdf(d, Float(math::abs(v)), Float(0), turn), Float(0), turn), v);
+    }
+    const Float lo = d.mean - turn, hi = d.mean + turn;
+    return math::wrap_angle(math::clamp(Family::icdf(d, u, lo, hi), lo, hi));
 }
 
 // One inverse a coordinate; the pdf is left to the mixture.

@@ -27,13 +27,14 @@ struct LogisticLobes {
     static constexpr double height = 1;
     static constexpr double deviation = 1.81379936423421785059;  // pi/√3
 
+    // e^-x for x >= -2: decay takes no positive exponent.
+    template <class Float> CUTICLE_INLINE static Float end(const Float &x) {
+        return Float(7.38905609893065022723) * math::decay(Float(-(x + Float(2))));
+    }
+
     template <bool Fine = true, class Float>
     CUTICLE_INLINE static Density<Float> make(const Float &mean, const Float &sigma, const Float &lo, const Float &hi) {
         const Float rate = Float(deviation) / sigma;
-        // e^-x for x >= -2: decay takes no positive exponent.
-        const auto end = [](const Float &x) {
-            return Float(Float(7.38905609893065022723) * math::decay(Float(-(x + Float(2)))));
-        };
         const Float a = end(Float((mean - lo) * rate)), b = end(Float((hi - mean) * rate)), one = Float(1);
         const Float mass = math::one_less_decay(Float((hi - lo) * rate));
         return {mean, rate, sigma * Float(1 / deviation), a * (one + b), b * (one + a), mass, (one + a) * (one + b)};

@@ -69,14 +69,13 @@ struct NormalLobes {
     CUTICLE_INLINE static Float icdf(const Density<Float> &d, const Float &u, const Float &lo, const Float &hi) {
         const Float p = (d.low + u * d.mass) / d.under;
         if constexpr (std::is_same_v<scalar_t<Float>, float>) {
-            return d.mean + d.width * math::erfinv_single(p, [&](const Float &) {
-                                const auto lower = p < Float(0);
-                                const Float end = math::max(
-                                    Float(select(lower, Float(d.mean - lo), Float(hi - d.mean)) * d.rate), Float(0));
-                                const Float beyond =
-                                    math::erfc_single(end) + select(lower, u, Float(Float(1) - u)) * (d.mass / d.under);
-                                return Float(-math::log(math::max(Float(beyond * (Float(2) - beyond)), Float(5e-17))));
-                            });
+            const Float w = math::erfinv_depth(p), central = math::erfinv_central(w);
+            if (!ArrayTraits<Float>::any(w > Float(5))) return d.mean + d.width * (p * central);
+            const auto lower = p < Float(0);
+            const Float end = math::max(Float(select(lower, Float(d.mean - lo), Float(hi - d.mean)) * d.rate), Float(0));
+            const Float beyond = math::erfc_single(end) + select(lower, u, Float(Float(1) - u)) * (d.mass / d.under);
+            const Float depth = -math::log(math::max(Float(beyond * (Float(2) - beyond)), Float(5e-17)));
+            return d.mean + d.width * (p * select(w < Float(5), central, math::erfinv_tail(depth)));
         } else {
             return d.mean + d.width * math::erfinv(p);
         }

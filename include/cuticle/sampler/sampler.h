@@ -7,12 +7,30 @@
 
 namespace cuticle {
 
+// Of two rows of these energies, where s is the fraction towards the second: what each weighs in the mixture. Both, for a
+// difference from 1 would lose the digits of a small one.
+template <class Float> struct BlendShares {
+    Float first, second;
+};
+template <class Float>
+CUTICLE_INLINE BlendShares<Float> blend_shares(const Float &lower, const Float &upper, const Float &s) {
+    const Float a = (Float(1) - s) * lower, b = s * upper;
+    return {a / (a + b), b / (a + b)};
+}
+
+// The number that chooses a lobe within the row that it fell to: below 1, whatever the shares were rounded to, for at 1 a
+// lobe of weight 0 would be chosen.
+template <class Float> CUTICLE_INLINE Float within_row(const Float &u_lobe, const Float &share, const Float &rest) {
+    const Float beyond =
+        math::min(Float((u_lobe - share) / math::max(rest, Float(smallest<Float>))), Float(1 - .5 * epsilon<Float>));
+    return select(u_lobe < share, Float(u_lobe / share), beyond);
+}
+
 // The mixture for one theta_r and number of strands. Prepare once a shading point, then evaluate and draw.
 template <class Float, int K, class Family = NormalLobes> struct PreparedSampler {
     Lobes<Float, K, Family> first, second;
-    Float share,
-        rest;      // of `first`, 1 nearly always, and of `second`: a difference from 1 would lose the digits of a small one
-    bool blended;  // whether `second` is other than `first`
+    Float share, rest;  // of `first`, 1 nearly always, and of `second`
+    bool blended;       // whether `second` is other than `first`
 
     CUTICLE_INLINE Float pdf(const Float &theta_i, const Float &phi) const {
         const Float p = first.pdf(theta_i, phi);
@@ -23,10 +41,7 @@ template <class Float, int K, class Family = NormalLobes> struct PreparedSampler
     CUTICLE_INLINE Sample<Float> sample(const Float &u_lobe, const Float &u_theta, const Float &u_phi) const {
         if (!blended) return first.sample(u_lobe, u_theta, u_phi);
         const auto in_first = u_lobe < share;
-        // Below 1, whatever share and rest were rounded to: at 1 a lobe of weight 0 would be chosen.
-        const Float beyond =
-            math::min(Float((u_lobe - share) / math::max(rest, Float(smallest<Float>))), Float(1 - .5 * epsilon<Float>));
-        const Float u = select(in_first, Float(u_lobe / share), beyond);
+        const Float u = within_row(u_lobe, share, rest);
         Sample<Float> s = draw(select_lobe(in_first, first.choose(u), second.choose(u)), u_theta, u_phi, first.even);
         s.pdf = pdf(s.theta_i, s.phi);
         return s;
@@ -53,13 +68,13 @@ CUTICLE_HD PreparedSampler<Float, K, Family> prepare_blended(const LobeTable<Sca
     const Index e = rows.row * Index(table.theta_nodes) + at.node, g = e + Index(table.theta_nodes);
     const auto energy = [&](const Index &i) {
         const Float a = Traits::gather(table.energy, i), b = Traits::gather(table.energy, Index(i + Index(1)));
-        return Float(a + at.t * (b - a));
+        return math::linear(a, b, at.t);
     };
-    const Float e0 = (Float(1) - rows.s) * energy(e), e1 = rows.s * energy(g);
+    const BlendShares<Float> shares = blend_shares(energy(e), energy(g), rows.s);
     const LobeValues<Float, K> first = lower.mix(select(rows.blend, Float(0), rows.s), upper);
     PreparedSampler<Float, K, Family> out;
-    out.share = select(rows.blend, Float(e0 / (e0 + e1)), Float(1));
-    out.rest = select(rows.blend, Float(e1 / (e0 + e1)), Float(0));
+    out.share = select(rows.blend, shares.first, Float(1));
+    out.rest = select(rows.blend, shares.second, Float(0));
     out.blended = Traits::any(out.rest > Float(0));
     out.first.set(first.weight, first.mean, first.sigma, table.even);
     out.second.set(upper.weight, upper.mean, upper.sigma, table.even);

@@ -123,18 +123,19 @@ template <class Float> struct Bilinear {
     Float a, b;  // fractions towards the next row and column
 };
 
+template <class Float> CUTICLE_INLINE Place<Float> locate_inclination(const Float &theta, int rows) {
+    return locate_node(Float(math::abs(theta) * Float(rows - 1) * Float(2 / pi<double>)), rows);
+}
+template <class Float> CUTICLE_INLINE Place<Float> locate_azimuth(const Float &phi, int columns) {
+    return locate_node(Float(math::abs(math::wrap_angle(phi)) * Float(columns - 1) * Float(1 / pi<double>)), columns);
+}
+
 template <class Float, class Memory>
 CUTICLE_HD Bilinear<Float> locate(const AzimuthalTable<Memory> &table, const Float &theta_d, const Float &phi) {
-    using Traits = ArrayTraits<Float>;
-    using Index = typename Traits::Index;
-    const Float last_row = Float(table.rows - 1), last_column = Float(table.columns - 1);
-    const Float y = math::clamp(Float(math::abs(theta_d) * last_row * Float(2 / pi<double>)), Float(0), last_row);
-    const Float x =
-        math::clamp(Float(math::abs(math::wrap_angle(phi)) * last_column * Float(1 / pi<double>)), Float(0), last_column);
-    const Index i = math::min(Traits::to_index(y), Index(table.rows - 2));
-    const Index j = math::min(Traits::to_index(x), Index(table.columns - 2));
+    using Index = typename ArrayTraits<Float>::Index;
+    const Place<Float> y = locate_inclination(theta_d, table.rows), x = locate_azimuth(phi, table.columns);
     const int column = lobe_count * table.channels;
-    return {(i * Index(table.columns) + j) * Index(column), table.columns * column, column, y - Float(i), x - Float(j)};
+    return {(y.node * Index(table.columns) + x.node) * Index(column), table.columns * column, column, y.t, x.t};
 }
 
 template <class Float, class Memory, class Offset>
@@ -142,11 +143,9 @@ CUTICLE_HD Float interpolate(const Memory &data, const Bilinear<Float> &at, cons
     using Traits = ArrayTraits<Float>;
     using Index = typename Traits::Index;
     const Index first = at.index + Index(offset);
-    const auto value = [&](int from) { return Traits::gather(data, Index(first + Index(from))); };
-    const Float far = at.b, near = Float(1) - at.b;  // convex sums: rounding never makes them negative
-    const Float lower = near * value(0) + far * value(at.column_step);
-    const Float upper = near * value(at.row_step) + far * value(at.row_step + at.column_step);
-    return (Float(1) - at.a) * lower + at.a * upper;
+    const auto value = [&](int from) { return Float(Traits::gather(data, Index(first + Index(from)))); };
+    return math::bilinear(value(0), value(at.column_step), value(at.row_step), value(at.row_step + at.column_step), at.a,
+                          at.b);
 }
 
 // Which of a table's channels to read: an int, or, for an absorption between those of two channels, both and how far.

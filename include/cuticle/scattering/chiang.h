@@ -133,29 +133,30 @@ template <class Scalar, class Memory = const Scalar *> struct ChiangRest {
     Scalar variance;  // of its M, in theta
 };
 
-// Its part of f, the same for all phi: the constant that marschner_terms leaves 0. A channel is an int or a ChannelBetween.
+// Its part of f for an energy, the same for all phi.
+template <class Value, class Float>
+CUTICLE_HD Value chiang_rest(const Value &energy, const Float &theta_i, const Float &theta_r, const Float &variance) {
+    return energy_conserving_m(theta_i, Float(-theta_r), variance) / math::cos_theta(theta_i) * energy *
+           Float(.5 / pi<double>);
+}
+
+// The same at a viewer: the constant that marschner_terms leaves 0. A channel is an int or a ChannelBetween.
 template <class Float, class Scalar, class Memory, class Channel>
 CUTICLE_HD Float chiang_far_rest(const ChiangRest<Scalar, Memory> &rest, const Float &theta_i, const Float &theta_r,
                                  const Channel &channel) {
     using Traits = ArrayTraits<Float>;
     using Index = typename Traits::Index;
-    const Float last = Float(rest.rows - 1);
-    const Float x = math::clamp(Float(math::abs(theta_r) * last * Float(2 / pi<double>)), Float(0), last);
-    const Index i = math::min(Traits::to_index(x), Index(rest.rows - 2));
-    const Float t = x - Float(i);
+    const Place<Float> place = locate_inclination(theta_r, rest.rows);
     const auto energy = [&](const Index &c) {
-        const Index at = i * Index(rest.channels) + c;
+        const Index at = place.node * Index(rest.channels) + c;
         const Float near = Traits::gather(rest.energy, at),
                     far = Traits::gather(rest.energy, Index(at + Index(rest.channels)));
-        return Float((Float(1) - t) * near + t * far);
+        return math::convex(near, far, place.t);
     };
-    const Float m = energy_conserving_m(theta_i, Float(-theta_r), Float(rest.variance)) / math::cos_theta(theta_i);
-    if constexpr (std::is_integral_v<Channel>) {
-        return m * energy(Index(channel)) * Float(.5 / pi<double>);
-    } else {
-        const Index next = Index(channel.first + Index(1));
-        return m * between_absorptions(energy(channel.first), energy(next), channel.t) * Float(.5 / pi<double>);
-    }
+    Float all;
+    if constexpr (std::is_integral_v<Channel>) all = energy(Index(channel));
+    else all = between_absorptions(energy(channel.first), energy(Index(channel.first + Index(1))), channel.t);
+    return chiang_rest(all, theta_i, theta_r, Float(rest.variance));
 }
 
 // marschner_terms of the far field: R, TT and TRT, whose azimuthal tables are logistic, and the rest.

@@ -26,20 +26,21 @@ template <class Scalar, class Memory = const Scalar *> struct DualScatteringMode
     Scalar d_f, d_b;
 };
 
+template <class Float> CUTICLE_INLINE Place<Float> locate_average(const Float &theta, int rows, const Float &limit) {
+    return locate_node(Float((theta / limit + Float(1)) * Float(.5) * Float(rows - 1)), rows);
+}
+
 template <class Float, class Scalar, class Memory, class Channel>
 CUTICLE_HD Averages<Float> averages_at(const AverageTable<Scalar, Memory> &table, const Float &theta, const Channel &channel,
                                        int channels) {
     using Traits = ArrayTraits<Float>;
     using Index = typename Traits::Index;
-    const Float last = Float(table.rows - 1);
-    const Float x = math::clamp(Float((theta / Float(table.limit) + Float(1)) * Float(.5) * last), Float(0), last);
-    const Index i = math::min(Traits::to_index(x), Index(table.rows - 2));
-    const Float t = x - Float(i);
-    const Index first = (i * Index(channels) + Index(channel)) * Index(average_columns);
+    const Place<Float> place = locate_average(theta, table.rows, Float(table.limit));
+    const Index first = (place.node * Index(channels) + Index(channel)) * Index(average_columns);
     const auto at = [&](int column) {
         const Float lower = Traits::gather(table.data, Index(first + Index(column)));
         const Float upper = Traits::gather(table.data, Index(first + Index(column + channels * average_columns)));
-        return Float(lower + t * (upper - lower));
+        return math::linear(lower, upper, place.t);
     };
     return {at(0), at(1), at(2), at(3), at(4), at(5), at(6), at(7), at(8)};
 }
@@ -99,45 +100,62 @@ template <class Float> CUTICLE_HD Arrival<Float> arrival(const Surroundings<Floa
     return {lit, (Float(1) - lit) * left, count, Float(0)};
 }
 
+// What f takes from light among others, in one channel: f = Σ_p lit M(α_p, β_p²) N_p + share M(α_p + shift, β_p² + spread)
+// N^G_p
+// + lit back M(back_shift, back_variance) + share spread_back M(back_shift + shift, back_variance + spread). The backscatter
+// does not depend on phi; with `exact` its ∫ f cos over the back half is A_b, and zinke2008's is as printed,
+// 2 A_b g / (pi cos² theta_d).
+template <class Float> struct Among {
+    Float lit, share, shift, spread;
+    Float back, spread_back, back_shift, back_variance;
+};
+
+template <class Float>
+CUTICLE_INLINE Among<Float> among_others(Formulation formulation, const Averages<Float> &a,
+                                         const Surroundings<Float> &around, const Float &d_f, const Float &d_b) {
+    const bool exact = formulation == Formulation::exact;
+    const Stack<Float> others = stack(a, around.behind);
+    const Arrival<Float> light = arrival(around, exact ? others.pass : a.a_f);
+    const Float through = exact ? Float(light.through * reach(others, light.count)) : light.through;
+    const Float energy = a.back_energy * (exact ? others.back : Float(2));
+    const Float back = d_b * energy * Float(1 / pi<double>);
+    const Float widened = light.count * a.beta_f * a.beta_f;
+    const Float spread = exact ? Float(widened + light.variance * a.alpha_f * a.alpha_f) : widened;
+    const Float shift = exact ? Float(light.count * a.alpha_f) : Float(0);
+    const Float density = exact ? d_f : Float(d_f * d_f);  // printed twice: T_f holds one
+    const Float spread_back = exact ? back : Float(back * Float(pi<double>));
+    return {light.lit, density * through, shift,        spread,
+            back,      spread_back,       a.back_shift, a.back_deviation * a.back_deviation};
+}
+
 // Turns the direct rows' weights of marschner_terms into what f is around the fibre among others, in one channel: an int or
-// a ChannelBetween. The backscatter does not depend on phi; with `exact` its ∫ f cos over the back half is A_b, and
-// zinke2008's is as printed, 2 A_b g / (pi cos² theta_d).
+// a ChannelBetween.
 template <class Float, class Scalar, class Memory, class Channel>
 CUTICLE_HD void add_surroundings(const DualScatteringModel<Scalar, Memory> &model, const Channel &channel,
                                  const Float &theta_i, const Float &theta_r, const Surroundings<Float> &around, int lobes,
                                  AzimuthalTerms<Float> &t) {
     using Traits = ArrayTraits<Float>;
-    const bool exact = model.formulation == Formulation::exact;
     const Longitudinal form = model.fibre.form;
     // `exact` takes every average at the viewer's inclination, so that each part's energy is known in closed form.
     const Averages<Float> a =
         averages_at(model.averages, azimuthal_inclination(form, theta_i, theta_r), channel, model.direct.channels);
-    const Stack<Float> others = stack(a, around.behind);
-    Arrival<Float> light = arrival(around, exact ? others.pass : a.a_f);
-    if (exact) light.through = light.through * others.reach(light.count);
-    const Float back_variance = a.back_deviation * a.back_deviation;
-    const Float energy = a.back_energy * (exact ? others.back : Float(2));
-    const Float back = Float(lobes & mask_back ? model.d_b : Scalar(0)) * energy * Float(1 / pi<double>);
+    const Float d_b = Float(lobes & mask_back ? model.d_b : Scalar(0));
+    const Among<Float> light = among_others(model.formulation, a, around, Float(model.d_f), d_b);
     for (int p = 0; p < lobe_count; ++p) t.weight[direct_rows][p] = light.lit * t.weight[direct_rows][p];
     if (!Traits::any(light.lit < Float(1))) {
-        t.constant = back * longitudinal(form, theta_i, theta_r, a.back_shift, back_variance);
+        t.constant = light.back * longitudinal(form, theta_i, theta_r, light.back_shift, light.back_variance);
         return;
     }
-    const Float spread =
-        light.count * a.beta_f * a.beta_f + (exact ? Float(light.variance * a.alpha_f * a.alpha_f) : Float(0));
-    const Float shift = exact ? Float(light.count * a.alpha_f) : Float(0);
-    const Float density = Float(model.d_f) * (exact ? Float(1) : Float(model.d_f));  // printed twice: T_f holds one
-    const Float share = density * light.through;
     LongitudinalParts<Float, lobe_count + 2> parts;
     for (int p = 0; p < lobe_count; ++p)
-        parts.set(p, Float(Float(model.fibre.alpha[p]) + shift),
-                  Float(Float(model.fibre.beta[p] * model.fibre.beta[p]) + spread));
-    parts.set(lobe_count, Float(a.back_shift + shift), Float(back_variance + spread));
-    parts.set(lobe_count + 1, a.back_shift, back_variance);
+        parts.set(p, Float(Float(model.fibre.alpha[p]) + light.shift),
+                  Float(Float(model.fibre.beta[p] * model.fibre.beta[p]) + light.spread));
+    parts.set(lobe_count, Float(light.back_shift + light.shift), Float(light.back_variance + light.spread));
+    parts.set(lobe_count + 1, light.back_shift, light.back_variance);
     const auto m = parts.at(form, theta_i, theta_r);
     for (int p = 0; p < lobe_count; ++p)
-        if (lobes & (1 << p)) t.weight[spread_rows][p] = share * m[p];
-    t.constant = back * (light.lit * m[lobe_count + 1] + share * Float(exact ? 1. : pi<double>) * m[lobe_count]);
+        if (lobes & (1 << p)) t.weight[spread_rows][p] = light.share * m[p];
+    t.constant = light.back * light.lit * m[lobe_count + 1] + light.spread_back * light.share * m[lobe_count];
 }
 
 // The same for every channel of the tables: terms[channels].

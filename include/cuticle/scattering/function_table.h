@@ -28,51 +28,74 @@ template <class Float> struct Trilinear {
     Float a, b, c, e;  // fractions towards the next viewer, row, column and energy
 };
 
+// Fractions of the way through viewers (and energies), rows and columns; `share` is ½ / reach.
+template <class Float> CUTICLE_INLINE Float viewer_fraction(const Float &theta_r) {
+    const Float sine = math::clamp(Float(theta_r * Float(2 / pi<double>)), Float(-1), Float(1));
+    return math::asin(sine) * Float(1 / pi<double>) + Float(.5);
+}
+template <class Float>
+CUTICLE_INLINE Float row_fraction(const Float &theta_i, const Float &theta_r, const Float &stretch, const Float &share) {
+    const Float x = (theta_i + theta_r) * stretch, size = math::abs(x);
+    const Float s = math::log(Float(size + math::sqrt(Float(size * size + Float(1)))));
+    return Float(.5) + math::copysign(s, x) * share;
+}
+template <class Float> CUTICLE_INLINE Float column_fraction(const Float &phi, bool even) {
+    const Float wrapped = math::wrap_angle(phi), turn = Float(1 / pi<double>);
+    return even ? Float(math::abs(wrapped) * turn) : Float(Float(.5) + wrapped * Float(.5) * turn);
+}
+template <class Float> CUTICLE_INLINE Place<Float> locate_fraction(const Float &fraction, int count) {
+    return locate_node(Float(fraction * Float(count - 1)), count);
+}
+
 template <class Float, class Scalar, class Memory>
 CUTICLE_HD Trilinear<Float> locate(const TabulatedModel<Scalar, Memory> &table, const Float &theta_i, const Float &theta_r,
                                    const Float &phi) {
-    using Traits = ArrayTraits<Float>;
-    using Index = typename Traits::Index;
-    const auto place = [](const Float &fraction, int count, Float &t) {
-        const Float x = math::clamp(Float(fraction * Float(count - 1)), Float(0), Float(count - 1));
-        const Index i = math::min(Traits::to_index(x), Index(count - 2));
-        t = x - Float(i);
-        return i;
-    };
-    const Float x = (theta_i + theta_r) * Float(table.stretch), size = math::abs(x);
-    const Float s = math::copysign(Float(math::log(Float(size + math::sqrt(Float(size * size + Float(1)))))), x);
-    const Float wrapped = math::wrap_angle(phi), turn = Float(1 / pi<double>);
+    using Index = typename ArrayTraits<Float>::Index;
+    const Float fraction = viewer_fraction(theta_r), share = Float(Scalar(.5) / table.reach);
+    const Place<Float> viewer = locate_fraction(fraction, table.viewers), energy = locate_fraction(fraction, table.energies);
+    const Place<Float> row = locate_fraction(row_fraction(theta_i, theta_r, Float(table.stretch), share), table.rows);
+    const Place<Float> column = locate_fraction(column_fraction(phi, table.even), table.columns);
     Trilinear<Float> at;
     at.column_step = table.channels;
     at.row_step = table.columns * at.column_step;
     at.viewer_step = table.rows * at.row_step;
-    const Float sine = math::clamp(Float(theta_r * Float(2 / pi<double>)), Float(-1), Float(1));
-    const Float viewer_fraction = math::asin(sine) * turn + Float(.5);
-    const Index viewer = place(viewer_fraction, table.viewers, at.a);
-    at.energy = place(viewer_fraction, table.energies, at.e);
-    const Index row = place(Float(Float(.5) + s * Float(Scalar(.5) / table.reach)), table.rows, at.b);
-    const Float around = table.even ? Float(math::abs(wrapped) * turn) : Float(Float(.5) + wrapped * Float(.5) * turn);
-    const Index column = place(around, table.columns, at.c);
-    at.first = viewer * Index(at.viewer_step) + row * Index(at.row_step) + column * Index(at.column_step);
+    at.first = viewer.node * Index(at.viewer_step) + row.node * Index(at.row_step) + column.node * Index(at.column_step);
+    at.energy = energy.node;
+    at.a = viewer.t, at.b = row.t, at.c = column.t, at.e = energy.t;
     return at;
 }
 
 // The shape in one strand count's table and channel.
 template <class Float, class Memory, class Index>
 CUTICLE_HD Float interpolate(const Memory &shape, const Trilinear<Float> &at, const Index &offset) {
-    using Traits = ArrayTraits<Float>;
-    const auto line = [&](int from) {
-        const Float near = Traits::gather(shape, Index(at.first + offset + Index(from)));
-        const Float far = Traits::gather(shape, Index(at.first + offset + Index(from + at.column_step)));
-        return Float((Float(1) - at.c) * near + at.c * far);  // convex sums: rounding never makes them negative
+    const auto value = [&](int from) {
+        return Float(ArrayTraits<Float>::gather(shape, Index(at.first + offset + Index(from))));
     };
-    const auto sheet = [&](int from) { return Float((Float(1) - at.b) * line(from) + at.b * line(from + at.row_step)); };
-    return (Float(1) - at.a) * sheet(0) + at.a * sheet(at.viewer_step);
+    const auto sheet = [&](int from) {
+        const int next = from + at.row_step;
+        return math::bilinear(value(from), value(from + at.column_step), value(next), value(next + at.column_step), at.b,
+                              at.c);
+    };
+    return math::convex(sheet(0), sheet(at.viewer_step), at.a);
+}
+
+// What the shapes of two counts are multiplied by, given the logs of their energies: up to one strand the functions for none
+// and for one are mixed by the share of light; from there on light fades by the same factor a strand, past the last count as
+// before it.
+template <class Value> struct CountWeights {
+    Value lower, upper;
+};
+template <class Value, class Float>
+CUTICLE_INLINE CountWeights<Value> count_weights(const Value &low, const Value &high, const CountInterval<Float> &count,
+                                                 const Float &strands) {
+    const Float s = math::max(Float((strands - count.low) / (count.high - count.low)), Float(0)), t = math::min(s, Float(1));
+    const Value faded = math::linear(low, high, s);
+    const Value lower = select(count.low < Float(1), low, faded), upper = select(count.low < Float(1), high, faded);
+    return {(Float(1) - t) * math::exp(lower), t * math::exp(upper)};
 }
 
 // f in 1/sr, without a cosine, into f[channels], for `strands` between the fibre and the light; a table of one count ignores
-// it. Up to one strand the functions for none and for one are mixed by the share of light; past the last count light fades
-// on as it did before.
+// it.
 template <class Float, class Scalar, class Memory>
 CUTICLE_HD void tabulated_eval(const TabulatedModel<Scalar, Memory> &table, const Float &theta_i, const Float &theta_r,
                                const Float &phi, const Float &strands, Float *f) {
@@ -85,7 +108,7 @@ CUTICLE_HD void tabulated_eval(const TabulatedModel<Scalar, Memory> &table, cons
         const Index i = count * Index(energies) + at.energy * Index(table.channels) + Index(channel);
         const Float near = Traits::gather(table.log_energy, i);
         const Float far = Traits::gather(table.log_energy, Index(i + Index(table.channels)));
-        return Float((Float(1) - at.e) * near + at.e * far);
+        return math::convex(near, far, at.e);
     };
     if (table.counts == 1) {
         for (int c = 0; c < table.channels; ++c)
@@ -93,16 +116,12 @@ CUTICLE_HD void tabulated_eval(const TabulatedModel<Scalar, Memory> &table, cons
         return;
     }
     const CountInterval<Float> count = locate_count(table.strands, table.counts, strands);
-    const Float s = math::max(Float((strands - count.low) / (count.high - count.low)), Float(0));
-    const Float t = math::min(s, Float(1));
-    const auto mixed = count.low < Float(1);
     for (int c = 0; c < table.channels; ++c) {
         const Index lower = count.row * Index(size) + Index(c), next = Index(count.row + Index(1));
-        const Float low = log_energy(count.row, c), high = log_energy(next, c), faded = low + s * (high - low);
-        f[c] =
-            ((Float(1) - t) * math::exp(Float(select(mixed, low, faded))) * interpolate(table.shape, at, lower) +
-             t * math::exp(Float(select(mixed, high, faded))) * interpolate(table.shape, at, Index(lower + Index(size)))) *
-            secant;
+        const CountWeights<Float> w = count_weights(log_energy(count.row, c), log_energy(next, c), count, strands);
+        f[c] = (w.lower * interpolate(table.shape, at, lower) +
+                w.upper * interpolate(table.shape, at, Index(lower + Index(size)))) *
+               secant;
     }
 }
 

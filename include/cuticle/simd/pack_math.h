@@ -144,8 +144,7 @@ template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> copysign(const Pac
 template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> sin(const Pack<T, N, B> &x) {
     using P = Pack<T, N, B>;
     if constexpr (std::is_same_v<T, float> && CUTICLE_NATIVE_PACK) {
-        const P r = math::nearest_turn(x), far = abs(r);
-        return math::copysign(math::sin_single(math::min(far, P(P(pi<T>) - far))), r);
+        return math::sin_turned(x);
     }
     P r;
     for (int i = 0; i < N; ++i) r.set(i, math::sin(x[i]));
@@ -153,8 +152,7 @@ template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> sin(const Pack<T, 
 }
 template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> cos(const Pack<T, N, B> &x) {
     using P = Pack<T, N, B>;
-    if constexpr (std::is_same_v<T, float> && CUTICLE_NATIVE_PACK)
-        return math::sin_single(P(P(half_pi<T>) - abs(math::nearest_turn(x))));
+    if constexpr (std::is_same_v<T, float> && CUTICLE_NATIVE_PACK) return math::cos_turned(x);
     P r;
     for (int i = 0; i < N; ++i) r.set(i, math::cos(x[i]));
     return r;

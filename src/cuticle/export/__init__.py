@@ -2,65 +2,30 @@
 
 from __future__ import annotations
 
-import json
 import re
-import textwrap
-from dataclasses import dataclass
+from collections.abc import Callable
 from typing import Any
 
-import jinja2
 import numpy as np
 
 from cuticle._support import validate
-from cuticle._support.progress import Progress
 from cuticle._support.version import __version__
 from cuticle.export.frames import FRAMES, Frame, frame
 from cuticle.export.headers import amalgamate
-from cuticle.export.literals import single, singles, wrapped
+from cuticle.export.registry import HOSTS, Export, Job, host
 from cuticle.fitting.fit import MEASURED_AT
 from cuticle.sampling.quality import measure
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.bcsdf import Bcsdf, with_strands
 from cuticle.scattering.by_name import model_of
-from cuticle.scattering.compact_table import FunctionTable
 from cuticle.scattering.dual_scattering import DualScattering
-from cuticle.scattering.fibre_tables import AVERAGE_LIMIT, FibreTables
 from cuticle.scattering.host_tables import reduce_tables
 
 __all__ = ["FRAMES", "HOSTS", "Export", "amalgamate", "export"]
 
-HOSTS = ("cpp", "cuda", "glsl", "hlsl", "json", "web")
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _RESERVED = {"cuticle", "std", "main"}
-_ROOTS = {
-    "dual": "scattering/dual_scattering.h",
-    "strand": "scattering/marschner.h",
-    "chiang": "scattering/chiang.h",
-    "table": "scattering/function_table.h",
-}
 MAX_TABLE = 16 * 1024  # bytes: what every OpenGL ES 3.0 device takes as a block
-
-
-@dataclass(frozen=True)
-class Export:
-    """What an export is: the file's text, and for GLSL with a model the texels that go with it.
-
-    Attributes
-    ----------
-    text
-        The file.
-    data
-        Single-precision values, four a texel, for the texture that GLSL or HLSL with a model reads; empty elsewhere.
-    table_bytes
-        Size of the lobe table in it.
-    model
-        The scattering function's tables, where they are in it.
-    """
-
-    text: str
-    table_bytes: int
-    data: bytes = b""
-    model: FibreTables | FunctionTable | None = None
 
 
 def export(
@@ -71,7 +36,7 @@ def export(
     name: str = "fibre",
     with_model: bool = False,
     model: Bcsdf | None = None,
-    progress: Progress | None = None,
+    progress: Callable[[str, float], None] | None = None,
 ) -> Export:
     """Return a sampler as a source file of its own, its table inlined.
 
@@ -115,31 +80,24 @@ def export(
     >>> "namespace black {" in export(sampler, "cpp", frame="pbrt", name="black").text
     True
     """
-    validate.choice("to", to, HOSTS)
+    target = host(validate.choice("to", to, HOSTS))
     host_frame = check_frame(frame)  # the parameter hides the function of its name
     check_name(name)
+    if with_model and target.model == "never":
+        raise ValueError(f"--to {to} writes the sampler alone: leave --with-model out (with_model=False)")
     report = progress or (lambda phase, fraction: None)
-    if to == "web":
-        from cuticle.export.web import page
-
-        return page(sampler, model or model_of(sampler), name=name, progress=report)
-    known = model or _known(sampler)
+    wanted = with_model or target.model == "always"
+    known = model or (model_of(sampler) if wanted else _known(sampler))
     tables = None
-    if with_model:
+    if wanted and known is not None:
         report("tables", 0.0)
-        tables = reduce_tables(
-            known or model_of(sampler), sampler.covers, progress=lambda done: report("tables", 0.5 * done)
-        )
-    if to == "json":
-        return _json(sampler, tables)
-    report("measuring", 0.5)
-    about = describe(sampler, known)
-    report("writing", 0.9)
-    if to in ("glsl", "hlsl"):
-        from cuticle.export.glsl import shader
+        tables = reduce_tables(known, sampler.covers, target.tolerance, lambda done: report("tables", 0.5 * done))
 
-        return shader(sampler, tables, host_frame, name, about, hlsl=to == "hlsl")
-    return _cpp(sampler, tables, host_frame, name, about, cuda=to == "cuda")
+    def about() -> list[str]:
+        report("measuring", 0.5)
+        return describe(sampler, known)
+
+    return target.write(Job(sampler, name, host_frame, about, tables, known, report))
 
 
 def check_name(name: str) -> str:
@@ -190,60 +148,6 @@ def _of_what(sampler: Sampler, model: Bcsdf) -> str:
     return f"Fibre: {text or 'the defaults'} (degrees, per radius); {kind}"
 
 
-def environment() -> jinja2.Environment:
-    """Return where the templates are read, with what turns numbers into source code."""
-    made = jinja2.Environment(
-        loader=jinja2.PackageLoader("cuticle.export"), undefined=jinja2.StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True, keep_trailing_newline=True,
-    )  # fmt: skip
-    made.filters.update(single=single, singles=singles, wrapped=wrapped, comment=_comment)
-    return made
-
-
-def _cpp(
-    sampler: Sampler, tables: FibreTables | FunctionTable | None, frame: Frame, name: str, about: list[str], *, cuda: bool
-) -> Export:
-    roots = ["math/angles.h", "sampler/batch.h", *([_ROOTS[tables.kind]] if tables is not None else [])]
-    nodes = sampler.padded_nodes.astype(np.float32)
-    energy = sampler.energy.astype(np.float32)
-    text = environment().get_template("sampler.h.j2").render(
-        about=about, core=amalgamate(roots), name=name, guard=f"{name.upper()}_CUTICLE_H", frame=frame,
-        version=__version__.split("."), lobes=nodes.shape[3], theta_nodes=nodes.shape[1], strands=sampler.strands,
-        even=sampler.even, nodes=nodes, energy=energy, model=tables, kind=tables.kind if tables is not None else "",
-        average_limit=AVERAGE_LIMIT, cuda=cuda,
-    )  # fmt: skip
-    return Export(text, nodes.nbytes + energy.nbytes, model=tables)
-
-
-def _json(sampler: Sampler, tables: FibreTables | FunctionTable | None) -> Export:
-    text = sampler.to_json()
-    size = sampler.nodes.size * 4 + sampler.energy.size * 4
-    if tables is None:
-        return Export(text, size)
-    values: dict[str, Any] = {"kind": tables.kind}
-    names: tuple[str, ...] = ("strands", "shape", "log_energy", "reach", "even")
-    if isinstance(tables, FibreTables):
-        values["longitudinal"] = "energy_conserving" if tables.conserving else "gaussian"
-        dual = ("formulation", "d_f", "d_b", "spread", "averages")
-        own: dict[str, tuple[str, ...]] = {"dual": dual, "chiang": ("rest", "rest_variance")}
-        names = ("alpha", "beta", "direct", *own.get(tables.kind, ()))
-        if tables.kind == "dual":
-            values["average_limit"] = AVERAGE_LIMIT
-    for name in names:
-        value = getattr(tables, name)
-        values[name] = value.tolist() if name in ("alpha", "beta") else _rounded(value)
-    values["error"] = round(tables.error, 6)
-    material = {"format": "cuticle-material", "version": 1, "sampler": json.loads(text), "model": values}
-    return Export(json.dumps(material, allow_nan=False) + "\n", size, model=tables)
-
-
-def _rounded(value: Any) -> Any:
-    if not isinstance(value, np.ndarray):
-        return value
-    distinct, where = np.unique(value, return_inverse=True)
-    return np.array([float(f"{x:.7g}") for x in distinct.tolist()])[where].reshape(value.shape).tolist()
-
-
 def _counts(sampler: Sampler) -> str:
     return ", ".join(f"{n:g}" for n in sampler.covers)
 
@@ -252,9 +156,3 @@ def _plain(value: Any) -> str:
     if isinstance(value, list):
         return "(" + ", ".join(map(_plain, value)) + ")"
     return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def _comment(lines: list[str], width: int = 122) -> str:
-    return "\n".join(f"// {part}" for line in lines for part in (textwrap.wrap(line, width) or [""])).replace(
-        "// \n", "//\n"
-    )

@@ -80,7 +80,8 @@ class FunctionTable:
         return self.shape.nbytes + self.log_energy.nbytes
 
     @cached_property
-    def _core(self) -> _core.Table:
+    def core(self) -> _core.Table:
+        """What evaluates it."""
         shape, log_energy = (np.ascontiguousarray(x, np.float64) for x in (self.shape, self.log_energy))
         return _core.Table(shape, log_energy, np.array(self.strands, float), self.reach, self.even)
 
@@ -88,7 +89,7 @@ class FunctionTable:
         """Return f in 1/sr, without a cosine, on the product of two axes: shape (A, B, channels)."""
         ti, ph = (np.ascontiguousarray(x).ravel() for x in np.broadcast_arrays(theta_i[:, None], phi[None, :]))
         out = np.empty((len(ti), self.channels))
-        self._core.eval(ti, np.full(len(ti), theta_r), ph, np.array([float(strands)]), out)
+        self.core.eval(ti, np.full(len(ti), theta_r), ph, np.array([float(strands)]), out)
         return out.reshape(len(theta_i), len(phi), -1)
 
 

@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cuticle.export import Export, describe, environment
 from cuticle.export.frames import FRAMES
-from cuticle.export.glsl import TEXTURE_WIDTH, lobe_texels, shader
+from cuticle.export.hosts.glsl import DIALECT
+from cuticle.export.registry import Export, Host, Job
+from cuticle.export.shader import TEXTURE_WIDTH, lobe_texels, shader
+from cuticle.export.source import environment
 from cuticle.fitting.fit import fit
-from cuticle.sampling.sampler import Sampler
-from cuticle.scattering.bcsdf import Bcsdf
-from cuticle.scattering.host_tables import reduce_tables
 
 LOBES = (1, 2, 4, 8)
 TOLERANCE = 0.02  # of ∫ f cos: a page is loaded whole
 _COLOR = {1: "vec3(f)", 2: "vec3(f, 0.0)", 3: "f", 4: "f.rgb"}
 
 
-def page(sampler: Sampler, model: Bcsdf, *, name: str, progress: Callable[[str, float], None]) -> Export:
+def page(job: Job) -> Export:
     """Return the page of a sampler and of 1, 2, 4 and 8 lobes fitted to the same fibre.
 
     Raises
@@ -29,8 +28,9 @@ def page(sampler: Sampler, model: Bcsdf, *, name: str, progress: Callable[[str, 
     ValueError
         More than four channels, or a function too sharp for a table.
     """
-    progress("tables", 0.0)
-    tables = reduce_tables(model, sampler.covers, TOLERANCE)
+    sampler, model, progress, tables = job.sampler, job.model, job.progress, job.tables
+    assert model is not None
+    assert tables is not None
     channels = tables.channels
     samplers = {sampler.lobes: sampler}
     for k in LOBES:
@@ -41,8 +41,8 @@ def page(sampler: Sampler, model: Bcsdf, *, name: str, progress: Callable[[str, 
             samplers[k] = fit(model, k, strands=counts, objective=objective).sampler
     progress("writing", 0.95)
     ordered = dict(sorted(samplers.items()))
-    frame = FRAMES["local-x"]
-    scattering = shader(sampler, tables, frame, "fibre", [], inline=False)
+    own = replace(job, name="fibre", frame=FRAMES["local-x"], about=list)
+    scattering = shader(own, DIALECT, inline=False)
     luminance = "dot(f, vec3(0.2126, 0.7152, 0.0722))" if channels == 3 else f"dot(f, {_ones(channels)})"
     data = {
         "width": TEXTURE_WIDTH,
@@ -56,13 +56,13 @@ def page(sampler: Sampler, model: Bcsdf, *, name: str, progress: Callable[[str, 
         "texels": _packed(np.frombuffer(scattering.data, np.float32).reshape(-1, 4)),
         "samplers": {
             str(k): {
-                "shader": shader(s, None, frame, "fibre", [], inline=False).text,
+                "shader": shader(replace(own, sampler=s, tables=None), DIALECT, inline=False).text,
                 "texels": _packed(lobe_texels(s).reshape(-1, 4)),
             }
             for k, s in ordered.items()
         },
     }
-    text = environment().get_template("page.html.j2").render(data=data, name=name, about=describe(sampler, model))
+    text = environment().get_template("page.html.j2").render(data=data, name=job.name, about=job.about())
     return Export(text, 4 * (sampler.nodes.size + sampler.energy.size))
 
 
@@ -76,3 +76,6 @@ def _packed(texels: NDArray[np.float32]) -> str:
     out = np.zeros((rows * TEXTURE_WIDTH, 4), "<f4")
     out[: len(texels)] = texels
     return base64.b64encode(out.tobytes()).decode()
+
+
+HOST = Host("a page in which to turn viewer, strands and number of lobes", page, model="always", tolerance=TOLERANCE)

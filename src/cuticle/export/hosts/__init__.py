@@ -1,0 +1,1 @@
+"""The hosts, a module each: `cuticle.export.registry` says what one has to offer."""

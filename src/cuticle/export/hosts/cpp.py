@@ -1,0 +1,8 @@
+"""C++17."""
+
+from __future__ import annotations
+
+from cuticle.export.cpp_header import header
+from cuticle.export.registry import Host
+
+HOST = Host("C++17 with the core's headers in it, for float and double", lambda job: header(job, cuda=False))

@@ -1,0 +1,8 @@
+"""CUDA and HIP."""
+
+from __future__ import annotations
+
+from cuticle.export.cpp_header import header
+from cuticle.export.registry import Host
+
+HOST = Host("the same for nvcc and hipcc, on the host and on a GPU", lambda job: header(job, cuda=True))

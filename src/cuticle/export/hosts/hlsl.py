@@ -1,0 +1,73 @@
+"""HLSL, shader model 5 on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from cuticle.export.formulas import Printer
+from cuticle.export.formulas.tree import Instance, Node, Record, Vector
+from cuticle.export.registry import Host
+from cuticle.export.shader import Dialect, shader
+
+_WORDS = """
+    asm centroid cast class const compile export extern far half in inline inout interface line lineadj linear
+    matrix near nointerpolation noperspective out packoffset pass pixelfragment point precise register row_major
+    sample sampler shared snorm static stateblock step string technique template texture triangle typedef uniform
+    unorm using vector volatile abs all any asin atan2 clamp cos distance dot exp floor frac length lerp log max
+    min sign sin sqrt
+"""
+
+
+class Hlsl(Printer):
+    """HLSL's words."""
+
+    constant = "static const"
+    closed = "}"
+    words = frozenset(_WORDS.split())
+
+    def __init__(self, prefix: str) -> None:
+        super().__init__(prefix)
+        self.choices: set[int] = set()
+
+    def text(self, items: Iterable[Record | Instance]) -> str:
+        """The same, after its choices between vectors: no one operator does that in HLSL 2021 and before."""
+        text = super().text(items)
+        return "".join(map(self.choice, sorted(self.choices))) + text
+
+    def choice(self, size: int) -> str:
+        """A function that chooses component by component."""
+        mask, kind = self.type(Vector("bool", size)), self.type(Vector("float", size))
+        each = ", ".join(f"mask.{c} ? a.{c} : b.{c}" for c in "xyzw"[:size])
+        return f"{kind} {self.function('choose')}({mask} mask, {kind} a, {kind} b) {{ return {kind}({each}); }}\n\n"
+
+    def opened(self, kind: str, length: int) -> str:
+        """{...}."""
+        return "{"
+
+    def splat(self, kind: Vector, text: str) -> str:
+        """A cast: HLSL has no constructor of one number."""
+        return f"(({self.type(kind)})({text}))"
+
+    def masked(self, kind: Vector, operands: tuple[Node, ...]) -> str:
+        """The function of `choice`."""
+        self.choices.add(kind.size)
+        return f"{self.function('choose')}({', '.join(map(self.node, operands))})"
+
+    def compared(self, symbol: str, operands: tuple[Node, ...]) -> str:
+        """Operators compare component by component."""
+        a, b = operands
+        return f"({self.node(a, 6)} {symbol} {self.node(b, 6)})"
+
+    def struct_from(self, kind: Record, items: list[str]) -> str | None:
+        """HLSL has no constructor of structs."""
+        return None
+
+
+DIALECT = Dialect(
+    printer=Hlsl,
+    name="HLSL",
+    about="For HLSL.",
+    texture="Texture2D<float4> {name}_model;",
+    fetch="{name}_model.Load(int3((i) % {width}, (i) / {width}, 0))",
+)
+HOST = Host("the same in HLSL", lambda job: shader(job, DIALECT))

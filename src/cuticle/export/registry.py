@@ -1,0 +1,111 @@
+"""What an export host is, and what it is given: a module of `cuticle.export.hosts` with a `HOST` in it is one."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from cuticle.export import hosts
+from cuticle.export.frames import Frame
+from cuticle.sampling.sampler import Sampler
+from cuticle.scattering.bcsdf import Bcsdf
+from cuticle.scattering.compact_table import FunctionTable
+from cuticle.scattering.fibre_tables import FibreTables
+from cuticle.scattering.host_tables import TOLERANCE
+
+Tables = FibreTables | FunctionTable
+
+
+@dataclass(frozen=True)
+class Export:
+    """What an export is: the file's text, and for shaders with a model the texels that go with it.
+
+    Attributes
+    ----------
+    text
+        The file.
+    data
+        Single-precision values, four a texel, for the texture that GLSL or HLSL with a model reads; empty elsewhere.
+    table_bytes
+        Size of the lobe table in it.
+    model
+        The scattering function's tables, where they are in it.
+    """
+
+    text: str
+    table_bytes: int
+    data: bytes = b""
+    model: Tables | None = None
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a host writes.
+
+    Attributes
+    ----------
+    sampler
+        The sampler.
+    name, frame
+        Namespace or prefix, and whose frame directions are in.
+    about
+        Returns lines that say what it is, which takes a measurement.
+    tables
+        The scattering function's tables, where it goes along.
+    model
+        The scattering function, where it is known.
+    progress
+        To be called with a phase and a fraction from 0 to 1.
+    """
+
+    sampler: Sampler
+    name: str
+    frame: Frame
+    about: Callable[[], list[str]]
+    tables: Tables | None
+    model: Bcsdf | None
+    progress: Callable[[str, float], None]
+
+    @property
+    def lobe_family(self) -> str:
+        """The family's name in the headers."""
+        return f"{self.sampler.family.title()}Lobes"
+
+
+@dataclass(frozen=True)
+class Host:
+    """A host of exports.
+
+    Attributes
+    ----------
+    about
+        A phrase on what the file is.
+    write
+        Makes the file.
+    model
+        Whether the scattering function goes along.
+    tolerance
+        How far its tables may be off, of ∫ f cos.
+    """
+
+    about: str
+    write: Callable[[Job], Export]
+    model: Literal["when asked", "always", "never"] = "when asked"
+    tolerance: float = TOLERANCE
+
+
+def host_names() -> tuple[str, ...]:
+    """Return the hosts that there are: the modules of `cuticle.export.hosts`."""
+    return tuple(sorted(module.name for module in pkgutil.iter_modules(hosts.__path__)))
+
+
+HOSTS = host_names()
+
+
+def host(name: str) -> Host:
+    """Return a host by name, which must be one of `HOSTS`."""
+    made: Host = importlib.import_module(f"cuticle.export.hosts.{name}").HOST
+    return made

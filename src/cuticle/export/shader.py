@@ -1,0 +1,173 @@
+"""A sampler in a shading language, and the texels its scattering function reads.
+
+The host's own functions, fetches and loops, stand in templates/*.formulas.j2 in the language of the C++ headers; they and
+what they need of the headers are printed together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cuticle.export.formulas import FLOAT, Printer, Vector, headers, print_formulas
+from cuticle.export.literals import singles
+from cuticle.export.registry import Export, Job, Tables
+from cuticle.export.source import environment
+from cuticle.sampling.sampler import Sampler
+from cuticle.scattering.compact_table import FunctionTable
+from cuticle.scattering.fibre_tables import AVERAGE_LIMIT
+
+TEXTURE_WIDTH = 1024  # every device of OpenGL ES 3.0 has 2048
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """A shading language: its printer, its name, what a file says of it, how a texture is declared and a texel fetched."""
+
+    printer: type[Printer]
+    name: str
+    about: str
+    texture: str
+    fetch: str
+
+
+def shader(job: Job, dialect: Dialect, *, inline: bool = True) -> Export:
+    """Return a sampler in a shading language; with `job.tables` its scattering function, too.
+
+    `inline=False` leaves the table of lobes out: the host then defines NAME_TABLE(i).
+    """
+    sampler, tables, name = job.sampler, job.tables, job.name
+    texels = lobe_texels(sampler)
+    printer = dialect.printer(name)
+    types = {"Set": Vector("float", min(sampler.lobes, 4))}
+    externals = {"table": Vector("float", 4), "energy": FLOAT}
+    values = _lobe_values(job, texels)
+    data = b""
+    if tables is not None:
+        if tables.channels > 4:
+            raise ValueError(
+                f"a texel holds 4 channels, this fibre has {tables.channels}: leave --with-model out, or use cpp"
+            )
+        types["Color"] = Vector("float", tables.channels)
+        externals["model"] = Vector("float", 4)
+        values |= _model_values(tables)
+        data = model_texels(tables).tobytes()
+    jinja = environment()
+    names = ("sampler", "model") if tables is not None else ("sampler",)
+    text = "".join(jinja.get_template(f"{part}.formulas.j2").render(values) for part in names)
+    file = jinja.get_template("shader.j2").render(
+        values, heading=_heading(job, dialect, printer), n=name, N=name.upper(), dialect=dialect, p=printer,
+        texels=texels if inline else texels[:0], energy=sampler.energy[:2], texture_width=TEXTURE_WIDTH,
+        functions=print_formulas(text, printer, types=types, externals=externals),
+    )  # fmt: skip
+    return Export(file, texels.nbytes + sampler.energy.size * 4, data, tables)
+
+
+def _lobe_values(job: Job, texels: NDArray[np.float32]) -> dict[str, object]:
+    """What the sampler's template asks for."""
+    sampler = job.sampler
+    rows, nodes, groups = texels.shape[0], texels.shape[1], texels.shape[2] // 5
+    width = min(sampler.lobes, 4)
+    return dict(
+        family=job.lobe_family, fields=headers().fields(f"{job.lobe_family}::Density"),
+        lobes=sampler.lobes, width=width, lanes="xyzw"[:width],
+        G=groups, rows=rows, nodes=nodes, row=nodes * 5 * groups, counts=", ".join(singles(sampler.strands)),
+        even=str(bool(sampler.even)).lower(), blends=rows > 1 and sampler.strands[0] == 0, frame=job.frame, data=job.tables,
+        back=["xyz"[job.frame.axes.index(a)] for a in "xyz"],
+    )  # fmt: skip
+
+
+def _heading(job: Job, dialect: Dialect, p: Printer) -> list[str]:
+    """What a file says of itself: which sampler it is, and how its functions are called."""
+    n, tables = job.name, job.tables
+    three, four = p.type(Vector("float", 3)), p.type(Vector("float", 4))
+    single = len(job.sampler.strands) == 1
+    viewer, light = job.frame.viewer, job.frame.light
+    lines = [
+        *job.about(), "", dialect.about, "",
+        "Angles: theta in [-pi/2, pi/2] from the plane normal to the strand, positive toward its tip; r toward the viewer, i"
+        " toward the light; phi = phi_i - phi_r. pdf is per steradian. strands: how many lie between this one and the light"
+        + ("; this sampler is for one count and ignores it." if single else "."),
+        "u in [0, 1): which lobe, theta, phi.", "",
+        f"float {n}_pdf(float theta_i, float theta_r, float phi, float strands)",
+        f"{three} {n}_sample(float theta_r, {three} u, float strands): theta_i, phi, pdf",
+        f"{n.upper()}_Sampler {n}_prepare(float theta_r, float strands): for several directions of one shading point,",
+        f"float {n}_prepared_pdf(s, theta_i, phi), {three} {n}_prepared_sample(s, u)",
+    ]  # fmt: skip
+    if tables is not None:
+        color = p.type(Vector("float", tables.channels))
+        lines.append(
+            f"{color} {n}_eval(float theta_i, float theta_r, float phi, float strands): f in 1/sr, without a cosine"
+        )
+        if tables.kind == "dual":
+            lines += [
+                f"{color} {n}_eval_around(theta_i, theta_r, phi, strands, float behind, bool random):",
+                "the same where `behind` strands lie beyond this one, on average, and, if random, `strands` is the mean of a"
+                " Poisson number",
+            ]
+    lines += [
+        "", f"With directions; frame: {job.frame.about}.", "",
+        f"float {n}_pdf_direction({three} {viewer}, {three} {light}, float strands)",
+        f"{three} {n}_sample_direction({three} {viewer}, {three} u, float strands, out float pdf)",
+    ]  # fmt: skip
+    if tables is not None:
+        lines += [
+            f"{color} {n}_eval_direction({three} {viewer}, {three} {light}, float strands): f cos(theta_i)", "",
+            f"The scattering function reads a texture, {n}_model: RGBA32F, {TEXTURE_WIDTH} texels wide, from the file of"
+            f" values beside this one; or define {n.upper()}_MODEL(i), the i-th texel, before this file.",
+        ]  # fmt: skip
+    table = (
+        f"The table is inlined; define {n.upper()}_TABLE(i), its i-th {four}, before this file to fetch it from elsewhere."
+    )
+    return [*lines, table]
+
+
+def lobe_texels(sampler: Sampler) -> NDArray[np.float32]:
+    """Return the table as it is fetched: shape (rows, theta nodes, 5 groups, 4), lobes of weight 0 added to fill a group."""
+    rows, nodes, parameters, lobes = sampler.nodes.shape
+    padded = np.ones((rows, nodes, parameters, -(-lobes // 4) * 4), np.float32)
+    padded[:, :, 0] = 0
+    padded[..., :lobes] = sampler.nodes
+    return padded.reshape(rows, nodes, -1, 4)
+
+
+def model_texels(tables: Tables) -> NDArray[np.float32]:
+    """Return the scattering function's tables as rows of texels, shape (height, width, 4).
+
+    Of a fibre N, then the spread N and the averages, or the energies past TRT; of a table its shape, then its energies.
+    """
+    if isinstance(tables, FunctionTable):
+        parts = [tables.shape, tables.log_energy]
+    else:
+        parts = [tables.direct]
+        if tables.spread is not None and tables.averages is not None:
+            parts += [tables.spread, tables.averages.swapaxes(1, 2)]  # channels last
+        if tables.rest is not None:
+            parts.append(tables.rest)
+    texels = np.concatenate([p.reshape(-1, p.shape[-1]) for p in parts])
+    height = -(-len(texels) // TEXTURE_WIDTH)
+    out = np.zeros((height * TEXTURE_WIDTH, 4), np.float32)
+    out[: len(texels), : texels.shape[1]] = texels
+    return out.reshape(height, TEXTURE_WIDTH, 4)
+
+
+def _model_values(tables: Tables) -> Mapping[str, object]:
+    components = "xyzw"[: tables.channels]
+    if isinstance(tables, FunctionTable):
+        counts, viewers, rows, columns, _ = tables.shape.shape
+        step = rows * columns
+        return {
+            "components": components, "step": 1, "counts": counts, "viewers": viewers, "rows": rows, "columns": columns,
+            "viewer_step": step, "count_step": viewers * step, "energies": tables.log_energy.shape[1],
+            "first_energy": counts * viewers * step, "share": 0.5 / tables.reach,
+        }  # fmt: skip
+    rows, columns = tables.direct.shape[:2]
+    return {
+        "components": components, "step": 3, "rows": rows, "columns": columns, "dual": tables.kind == "dual",
+        "form": "energy_conserving" if tables.conserving else "gaussian", "second": 3 * rows * columns,
+        "first_average": 6 * rows * columns, "average_rows": 0 if tables.averages is None else len(tables.averages),
+        "average_limit": AVERAGE_LIMIT,
+    }  # fmt: skip

@@ -1,0 +1,26 @@
+"""Where templates are read, with what turns numbers and comments into source code."""
+
+from __future__ import annotations
+
+import textwrap
+
+import jinja2
+
+from cuticle.export.literals import single, singles, wrapped
+
+
+def environment() -> jinja2.Environment:
+    """Return Jinja's environment of the templates."""
+    made = jinja2.Environment(
+        loader=jinja2.PackageLoader("cuticle.export"), undefined=jinja2.StrictUndefined, trim_blocks=True,
+        lstrip_blocks=True, keep_trailing_newline=True,
+    )  # fmt: skip
+    made.filters.update(single=single, singles=singles, wrapped=wrapped, comment=comment)
+    return made
+
+
+def comment(lines: list[str], width: int = 122) -> str:
+    """Return lines as comments of C++."""
+    return "\n".join(f"// {part}" for line in lines for part in (textwrap.wrap(line, width) or [""])).replace(
+        "// \n", "//\n"
+    )

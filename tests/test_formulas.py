@@ -1,0 +1,147 @@
+"""From C++ to shading languages: what is printed, and what is refused instead of printed wrong."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from cuticle.export.formulas import Library, SubsetError, headers, print_formulas
+from cuticle.export.formulas.printer import wrap
+from cuticle.export.formulas.tree import Vector
+from cuticle.export.hosts.glsl import Glsl
+from cuticle.export.hosts.hlsl import Hlsl
+
+
+def glsl(text: str, host: str = "float f(float x) { return g(x); }", **options: object) -> str:
+    return print_formulas(host, Glsl("n"), library=Library.of([text]), **options)  # type: ignore[arg-type]
+
+
+def body(printed: str, name: str) -> str:
+    """A function's body, on one line."""
+    found = re.search(rf"n_{name}\([^)]*\) {{(.*?)\n?}}\n", printed, re.S)
+    assert found, printed
+    return " ".join(found.group(1).split())
+
+
+def test_a_formula_in_both_languages() -> None:
+    text = """
+    namespace cuticle {
+    // A parabola that is held.
+    template <class Float> CUTICLE_INLINE Float g(const Float &x) {
+        const Float y = x * x - Float(2) * (x - Float(.5f));
+        return select(y < Float(1), math::max(y, -x), Float(1e-3) / y);
+    }
+    }
+    """
+    host = "Set f(Set x) { return g(x); }"
+    four = {"Set": Vector("float", 4)}
+    printed = glsl(text, host, types=four)
+    assert "// A parabola that is held.\nvec4 n_g(vec4 x) {" in printed
+    assert body(printed, "g") == (
+        "vec4 y = x * x - 2.0 * (x - 0.5); return mix(1e-3 / y, max(y, -x), lessThan(y, vec4(1.0)));"
+    )
+    one = glsl(text, "float f(float x) { return g(x); }")
+    assert body(one, "g") == "float y = x * x - 2.0 * (x - 0.5); return y < 1.0 ? max(y, -x) : 1e-3 / y;"
+    printed = print_formulas(host, Hlsl("n"), library=Library.of([text]), types=four)
+    assert "float4 n_choose(bool4 mask, float4 a, float4 b)" in printed
+    assert "n_choose((y < ((float4)(1.0))), max(y, -x), 1e-3 / y)" in printed
+
+
+def test_constants_are_worked_out_in_the_headers_own_precision() -> None:
+    text = """
+    template <class Float> inline constexpr scalar_t<Float> turn = scalar_t<Float>(6.28318530717958647692);
+    template <bool Fine> inline constexpr float limit = Fine ? 4.f : 3.7f;
+    enum class Kind { round, square };
+    template <class Float> Float shape(Kind kind, const Float &x, bool even) {
+        if (kind == Kind::round) return even ? x : Float(-x);
+        return x * Float(1 / turn<double>) + Float(limit<false>) +
+               Float(turn<Float> * (1 - std::numeric_limits<float>::epsilon()));
+    }
+    """
+    printed = glsl(text, "float f(float x) { return shape(Kind::round, x, false); }")
+    assert "n_shape_round(float x) { return -x; }" in printed
+    printed = glsl(text, "float f(float x) { return shape(Kind::square, x, true); }")
+    found = re.search(r"return x \* (\S+) \+ 3.7 \+ (\S+);", printed)
+    assert found
+    assert np.float32(found.group(1)) == np.float32(1 / (2 * np.pi))
+    assert np.float32(found.group(2)) == np.float32(2 * np.pi) * (np.float32(1) - np.finfo(np.float32).eps)
+
+
+def test_structs_families_and_what_is_not_used() -> None:
+    text = """
+    template <class Float> struct Pair { Float a, b; };
+    struct Plain {
+        template <class Float> struct Density { Float mean; template <class U> static auto each(const U &u) { return u; } };
+        static constexpr double height = 2;
+        template <bool Fine = true, class Float> static Density<Float> make(const Float &x) { return {x * Float(height)}; }
+    };
+    template <class Family, class Float> using DensityOf = typename Family::template Density<Float>;
+    template <class Float> Pair<Float> twice(const Float &x) { return {x, x + x}; }
+    template <class Family, class Float> Float g(const Float &x) {
+        const Pair<Float> unused = twice(x);
+        const DensityOf<Family, Float> d = Family::template make<false>(x);
+        for (int i = 0; i < 3; ++i) { if (!(x > Float(i))) return d.mean; }
+        return twice(d.mean).b;
+    }
+    """
+    printed = glsl(text, "float f(float x) { return g<Plain>(x); }")
+    assert "unused" not in printed
+    assert "struct N_Pair {\n    float a, b;\n};" in printed
+    assert "N_Density n_make(float x) { return N_Density(x * 2.0); }" in printed
+    assert "if (!(x > float(i)))" in printed
+    assert "return n_twice(d.mean).b;" in printed
+
+
+@pytest.mark.parametrize(
+    ("formula", "words"),
+    [
+        ("while (x > Float(0)) return x; return x;", "g: 'while' is outside the subset"),
+        ("const auto h = [&](const Float &y) { return y; }; return h(x);", "g: '[' is outside the subset"),
+        ("Float *p = &x; return *p;", r"g: '\*' is outside the subset"),
+        ("const Float y = x; if (true) { const Float y = x + x; } return y;", "g: y hides another variable"),
+        ("return lgamma(x);", "g: no function of the headers, and none of the languages, is lgamma"),
+        ("return memory[0];", "g: memory is outside the subset"),
+        ("return x > Float(0);", "g: x > Float(0) is of another type"),
+        ("return x * 2;", "g: x * 2 is of types that do not go together"),
+        ("return x * .5;", r"g: x \* .5 is of types that do not go together"),
+        ("int i = 0; return x + i;", "g: x + i is of types"),
+        ("for (int i = 0; i <= 3; ++i) x; return x;", "a loop that is not counted up with <"),
+        ("return x & x;", "g: '&' is outside the subset"),
+        ("if constexpr (is_wide<Float>) return x; return x;", r"g: '\)', where a name would go on"),
+        ("return math::polynomial(x + x, x, x);", "g: a polynomial of x \\+ x: give it a name first"),
+        ("return static_cast<float>(x);", "g: static_cast is outside the subset"),
+        ("switch (1) { default: return x; }", "g: 'switch' is outside the subset"),
+        ("x = Float(1); return {x, x};", "g: 2 values do not make what they become"),
+        ("return x ? x : x;", "g: x is not one bool|g: x \\? x : x chooses"),
+    ],
+)
+def test_a_function_outside_the_subset_is_refused(formula: str, words: str) -> None:
+    text = f"template <class Float> Float g(const Float &x) {{ {formula} }}"
+    words = words.replace("(0)", r"\(0\)").replace("+ i", r"\+ i").replace("x * 2", r"x \* 2").replace("'['", r"'\['")
+    with pytest.raises(SubsetError, match=words):
+        glsl(text)
+
+
+def test_a_directive_or_a_reference_that_is_written_to_is_refused() -> None:
+    with pytest.raises(SubsetError, match="'#if A' is outside the subset"):
+        glsl("template <class Float> Float g(const Float &x) {\n#if A\n return x;\n#endif\n return x; }")
+    with pytest.raises(SubsetError, match="no function of the headers"):
+        glsl("template <class Float> Float g(const Float &x, int n) { return x; }")
+    with pytest.raises(SubsetError, match="2 functions of the headers"):
+        glsl("template <class F> F g(const F &x) { return x; } template <class G> G g(const G &x) { return x; }")
+
+
+def test_a_constants_digits_are_the_headers() -> None:
+    printed = print_formulas("float f(float x) { return math::erfc_single(x); }", Glsl("n"))
+    for digits in ("0.0921253413", "0.370669425", "0.282409608"):
+        assert digits in printed
+    assert headers().fields("NormalLobes::Density")[:3] == ("mean", "rate", "width")
+
+
+def test_long_lines_are_wrapped_between_words() -> None:
+    line = "    float y = " + " + ".join(f"coefficient_{i}" for i in range(40)) + ";"
+    parts = wrap(line).splitlines()
+    assert max(map(len, parts)) <= 125
+    assert " ".join(" ".join(p.split()) for p in parts) == line.strip()
