@@ -27,8 +27,8 @@ from rich.console import Console
 from rich.table import Table
 
 import cuticle
-from cuticle.fitting.fit import MEASURED_AT, sampling_cost
-from cuticle.sampling.quality import UniformSphere, measure
+from cuticle.fitting.fit import sampling_cost
+from cuticle.sampling.quality import MEASURED_AT, UniformSphere, measure
 from cuticle.scattering.bcsdf import luminance
 
 ROOT = Path(__file__).parents[1]

@@ -12,8 +12,8 @@ import pytest
 
 import cuticle
 from cuticle import Chiang, audit
-from cuticle.checking.audit_cells import integrate
 from cuticle.checking.chi_square import chi_square
+from cuticle.checking.sphere_integrals import integrate
 
 BASE = Chiang(beta_m=0.3, beta_n=0.3, alpha=2.0, eumelanin=1.3)
 

@@ -10,7 +10,7 @@ import pytest
 
 import cuticle
 from cuticle import Sampler, check
-from cuticle.checking.cells import widened
+from cuticle.checking.check import widened
 
 
 def test_a_fitted_sampler_passes(document_model: cuticle.DualScattering, document_fit: cuticle.Fit) -> None:

@@ -15,12 +15,12 @@ from typer.core import TyperCommand, TyperGroup
 COMMANDS = {
     "fibres": "List the published fibres and where their numbers come from.",
     "fit": "Fit a sampler to a fibre, a table of values or a material of Mitsuba.",
-    "check": "Check a sampler: a table of verdicts, and exit code 1 where one fails.",
+    "check": "Check a sampler against its scattering function. Exit code 1 if a verdict fails.",
     "document": "Reproduce and complete the draft description: its tables, functions, figures and claims, for any fibre.",
     "report": "Write one self-contained HTML page from the results of fit, check and document that lie in a folder.",
     "render": "Render a groom with Mitsuba: `cuticle render GROOM -o picture.png`, options as of `picture`.",
     "export": "Write a sampler as one file for C++, CUDA, GLSL or HLSL, as JSON, or as a web page to turn it in.",
-    "audit": "Audit a sampler: does it draw what its pdf claims? Exit code 1 where a verdict fails.",
+    "audit": "Audit a sampler: does it draw what its pdf claims? Exit code 1 if a verdict fails.",
 }
 HIDDEN = ("demo",)
 _LOOK: dict[str, Any] = {"add_completion": False, "pretty_exceptions_enable": False}

@@ -17,14 +17,13 @@ from cuticle.fitting.mixture import Array, loss, to_natural
 from cuticle.fitting.result import Candidate, Fit
 from cuticle.fitting.targets import OBJECTIVES, make_targets
 from cuticle.sampling.lobe_table import MAX_LOBES
-from cuticle.sampling.quality import measure
+from cuticle.sampling.quality import MEASURED_AT, measure
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.bcsdf import Bcsdf, check_model, strands_of
 from cuticle.scattering.by_name import provenance
 
 FORMS = ("lobes", "document")
 SAMPLINGS = (*FORMS, "uniform")  # what a renderer may draw from
-MEASURED_AT = np.radians([-85, -75, -60, -30, 0, 30, 60, 75, 85.0])
 MAX_AUTO_LOBES = 12
 
 
