@@ -25,26 +25,38 @@ def failed(report: Any) -> set[str]:
 # ---- what is right
 
 
-def test_100_right_samplers_are_not_flagged() -> None:
+@pytest.mark.parametrize(("count", "most"), [(20, 6), pytest.param(100, 10, marks=pytest.mark.slow)])
+def test_right_samplers_are_not_flagged(count: int, most: int) -> None:
     rng = np.random.default_rng(7)
     low = 0
-    for i in range(100):
+    for i in range(count):
         model = Chiang(
             beta_m=rng.uniform(0.05, 1), beta_n=rng.uniform(0.05, 1), alpha=rng.uniform(-5, 5), eumelanin=rng.uniform(0, 8)
         )
         report = audit(model.near(rng.uniform(-0.99, 0.99)), theta_r=[rng.uniform(-1.5, 1.5)], samples=20_000, seed=i)
         assert report.ok, report
         low += report.cases[0].p_value < 0.05
-    assert low <= 10  # five tests in one p-value, made safe: fewer than one in twenty
+    assert low <= most  # p < 0.05 in at most one of twenty: beyond `most` the binomial tail is 3e-5 of 20, 1 % of 100
 
 
-def test_our_near_field_passes_at_any_roughness() -> None:
-    for beta_m, beta_n, melanin in ((0.25, 0.3, 0.3), (0.3, 0.3, 1.3), (0.8, 0.8, 1.3), (0.1, 0.1, 0.3)):
-        for h in (0.0, 0.8):
-            near = Chiang(beta_m=beta_m, beta_n=beta_n, eumelanin=melanin).near(h)
-            report = audit(near, theta_r=np.radians([-85, -30, 0, 75]), samples=100_000)
-            assert report.ok, report
-            assert all(c.ess == pytest.approx(1, abs=1e-4) for c in report.cases)
+slow = pytest.mark.slow
+
+
+@pytest.mark.parametrize("h", [0.0, pytest.param(0.8, marks=slow)])
+@pytest.mark.parametrize(
+    ("beta_m", "beta_n", "melanin"),
+    [
+        pytest.param(0.25, 0.3, 0.3, marks=slow),
+        pytest.param(0.3, 0.3, 1.3, marks=slow),
+        (0.8, 0.8, 1.3),
+        (0.1, 0.1, 0.3),
+    ],
+)
+def test_our_near_field_passes_at_any_roughness(beta_m: float, beta_n: float, melanin: float, h: float) -> None:
+    near = Chiang(beta_m=beta_m, beta_n=beta_n, eumelanin=melanin).near(h)
+    report = audit(near, theta_r=np.radians([-85, -30, 0, 75]), samples=100_000)
+    assert report.ok, report
+    assert all(c.ess == pytest.approx(1, abs=1e-4) for c in report.cases)
 
 
 def test_a_fitted_sampler_passes_with_and_without_its_function(
@@ -193,26 +205,24 @@ def _energy(near: cuticle.ChiangNear, theta_r: float, lobe: str) -> float:
 
 
 @pytest.mark.parametrize(
-    ("change", "verdict"),
+    ("change", "verdicts"),
     [
-        ("tilt after", "samples follow the pdf"),
-        ("stuck", "no atom"),
-        ("stuck", "samples follow the pdf"),
-        ("nan", "valid samples"),
-        ("off", "valid samples"),
-        ("one", "∫ pdf"),
-        ("one", "samples follow the pdf"),
-        ("other pdf", "pdf of a sample"),
-        ("weight", "weight of a sample"),
-        ("weight", "mean weight"),
-        ("scaled", "∫ pdf"),
-        ("negative", "valid density"),
+        ("nothing", set()),
+        ("tilt after", {"samples follow the pdf"}),
+        ("stuck", {"no atom", "samples follow the pdf"}),
+        ("nan", {"valid samples"}),
+        ("off", {"valid samples"}),
+        ("one", {"∫ pdf", "samples follow the pdf"}),
+        ("other pdf", {"pdf of a sample"}),
+        ("weight", {"weight of a sample", "mean weight"}),
+        ("scaled", {"∫ pdf"}),
+        ("negative", {"valid density"}),
     ],
 )
-def test_a_broken_sampler_fails_in_the_right_place(change: str, verdict: str) -> None:
+def test_a_broken_sampler_fails_in_the_right_place(change: str, verdicts: set[str]) -> None:
     report = audit(Changed(BASE.near(0.2), change), theta_r=np.radians([-60, 60]), name=change)
-    assert verdict in failed(report), report
-    assert audit(Changed(BASE.near(0.2), "nothing"), theta_r=np.radians([-60, 60])).ok
+    assert verdicts <= failed(report), report
+    assert report.ok == (change == "nothing"), report
 
 
 class Bins:
