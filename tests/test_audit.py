@@ -13,6 +13,7 @@ import pytest
 import cuticle
 from cuticle import Chiang, audit
 from cuticle.checking.chi_square import chi_square
+from cuticle.checking.foreign_sampler import foreign_sampler
 from cuticle.checking.sphere_integrals import integrate
 
 BASE = Chiang(beta_m=0.3, beta_n=0.3, alpha=2.0, eumelanin=1.3)
@@ -286,6 +287,18 @@ def test_it_says_where_and_which_lobe() -> None:
     plain = json.loads(json.dumps(report.to_dict(), allow_nan=False))
     assert plain["ok"] is False
     assert "maps" not in plain["cases"][0]
+
+
+@pytest.mark.parametrize("strands", [0.0, 0.5, 3.0])
+def test_lobes_of_a_sampler_sum_to_its_pdf(document_fit: cuticle.Fit, strands: float) -> None:
+    given = {"dimensions": 3, "strands": strands, "lobes": None, "name": None}
+    sampler = foreign_sampler(document_fit.sampler, None, None, **given)
+    rng = np.random.default_rng(8)
+    theta, phi = rng.uniform(-1.5, 1.5, 500), rng.uniform(-3.1, 3.1, 500)
+    assert sampler.lobe_densities is not None
+    parts = sampler.lobe_densities(theta, 0.3, phi)
+    assert parts.shape == (len(sampler.lobe_names), 500)  # between two rows, too, where each lobe has two parts
+    np.testing.assert_allclose(parts.sum(axis=0), sampler.density(theta, 0.3, phi), rtol=1e-12)
 
 
 def test_the_picture_is_one(tmp_path: Path) -> None:
