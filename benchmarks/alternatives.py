@@ -28,8 +28,7 @@ from rich.table import Table
 
 import cuticle
 from cuticle.fitting.costs import traced_cost
-from cuticle.fitting.fit import MEASURED_AT
-from cuticle.sampling.quality import UniformSphere, measure
+from cuticle.sampling.quality import MEASURED_AT, UniformSphere, measure
 from cuticle.scattering.bcsdf import luminance
 
 ROOT = Path(__file__).parents[1]

@@ -25,8 +25,7 @@ from rich.table import Table
 import cuticle
 from cuticle.cli.tables import ess_text
 from cuticle.fitting.costs import MEASURED
-from cuticle.fitting.fit import MEASURED_AT
-from cuticle.sampling.quality import UniformSphere
+from cuticle.sampling.quality import MEASURED_AT, UniformSphere
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.fibre_tables import AVERAGE_LIMIT
 

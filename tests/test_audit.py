@@ -12,8 +12,9 @@ import pytest
 
 import cuticle
 from cuticle import Chiang, audit
-from cuticle.checking.audit_cells import integrate
 from cuticle.checking.chi_square import chi_square
+from cuticle.checking.foreign_sampler import foreign_sampler
+from cuticle.checking.sphere_integrals import integrate
 
 BASE = Chiang(beta_m=0.3, beta_n=0.3, alpha=2.0, eumelanin=1.3)
 
@@ -25,26 +26,38 @@ def failed(report: Any) -> set[str]:
 # ---- what is right
 
 
-def test_100_right_samplers_are_not_flagged() -> None:
+@pytest.mark.parametrize(("count", "most"), [(20, 6), pytest.param(100, 10, marks=pytest.mark.slow)])
+def test_right_samplers_are_not_flagged(count: int, most: int) -> None:
     rng = np.random.default_rng(7)
     low = 0
-    for i in range(100):
+    for i in range(count):
         model = Chiang(
             beta_m=rng.uniform(0.05, 1), beta_n=rng.uniform(0.05, 1), alpha=rng.uniform(-5, 5), eumelanin=rng.uniform(0, 8)
         )
         report = audit(model.near(rng.uniform(-0.99, 0.99)), theta_r=[rng.uniform(-1.5, 1.5)], samples=20_000, seed=i)
         assert report.ok, report
         low += report.cases[0].p_value < 0.05
-    assert low <= 10  # five tests in one p-value, made safe: fewer than one in twenty
+    assert low <= most  # p < 0.05 in at most one of twenty: beyond `most` the binomial tail is 3e-5 of 20, 1 % of 100
 
 
-def test_our_near_field_passes_at_any_roughness() -> None:
-    for beta_m, beta_n, melanin in ((0.25, 0.3, 0.3), (0.3, 0.3, 1.3), (0.8, 0.8, 1.3), (0.1, 0.1, 0.3)):
-        for h in (0.0, 0.8):
-            near = Chiang(beta_m=beta_m, beta_n=beta_n, eumelanin=melanin).near(h)
-            report = audit(near, theta_r=np.radians([-85, -30, 0, 75]), samples=100_000)
-            assert report.ok, report
-            assert all(c.ess == pytest.approx(1, abs=1e-4) for c in report.cases)
+slow = pytest.mark.slow
+
+
+@pytest.mark.parametrize("h", [0.0, pytest.param(0.8, marks=slow)])
+@pytest.mark.parametrize(
+    ("beta_m", "beta_n", "melanin"),
+    [
+        pytest.param(0.25, 0.3, 0.3, marks=slow),
+        pytest.param(0.3, 0.3, 1.3, marks=slow),
+        (0.8, 0.8, 1.3),
+        (0.1, 0.1, 0.3),
+    ],
+)
+def test_our_near_field_passes_at_any_roughness(beta_m: float, beta_n: float, melanin: float, h: float) -> None:
+    near = Chiang(beta_m=beta_m, beta_n=beta_n, eumelanin=melanin).near(h)
+    report = audit(near, theta_r=np.radians([-85, -30, 0, 75]), samples=100_000)
+    assert report.ok, report
+    assert all(c.ess == pytest.approx(1, abs=1e-4) for c in report.cases)
 
 
 def test_a_fitted_sampler_passes_with_and_without_its_function(
@@ -193,26 +206,24 @@ def _energy(near: cuticle.ChiangNear, theta_r: float, lobe: str) -> float:
 
 
 @pytest.mark.parametrize(
-    ("change", "verdict"),
+    ("change", "verdicts"),
     [
-        ("tilt after", "samples follow the pdf"),
-        ("stuck", "no atom"),
-        ("stuck", "samples follow the pdf"),
-        ("nan", "valid samples"),
-        ("off", "valid samples"),
-        ("one", "∫ pdf"),
-        ("one", "samples follow the pdf"),
-        ("other pdf", "pdf of a sample"),
-        ("weight", "weight of a sample"),
-        ("weight", "mean weight"),
-        ("scaled", "∫ pdf"),
-        ("negative", "valid density"),
+        ("nothing", set()),
+        ("tilt after", {"samples follow the pdf"}),
+        ("stuck", {"no atom", "samples follow the pdf"}),
+        ("nan", {"valid samples"}),
+        ("off", {"valid samples"}),
+        ("one", {"∫ pdf", "samples follow the pdf"}),
+        ("other pdf", {"pdf of a sample"}),
+        ("weight", {"weight of a sample", "mean weight"}),
+        ("scaled", {"∫ pdf"}),
+        ("negative", {"valid density"}),
     ],
 )
-def test_a_broken_sampler_fails_in_the_right_place(change: str, verdict: str) -> None:
+def test_a_broken_sampler_fails_in_the_right_place(change: str, verdicts: set[str]) -> None:
     report = audit(Changed(BASE.near(0.2), change), theta_r=np.radians([-60, 60]), name=change)
-    assert verdict in failed(report), report
-    assert audit(Changed(BASE.near(0.2), "nothing"), theta_r=np.radians([-60, 60])).ok
+    assert verdicts <= failed(report), report
+    assert report.ok == (change == "nothing"), report
 
 
 class Bins:
@@ -276,6 +287,18 @@ def test_it_says_where_and_which_lobe() -> None:
     plain = json.loads(json.dumps(report.to_dict(), allow_nan=False))
     assert plain["ok"] is False
     assert "maps" not in plain["cases"][0]
+
+
+@pytest.mark.parametrize("strands", [0.0, 0.5, 3.0])
+def test_lobes_of_a_sampler_sum_to_its_pdf(document_fit: cuticle.Fit, strands: float) -> None:
+    given = {"dimensions": 3, "strands": strands, "lobes": None, "name": None}
+    sampler = foreign_sampler(document_fit.sampler, None, None, **given)
+    rng = np.random.default_rng(8)
+    theta, phi = rng.uniform(-1.5, 1.5, 500), rng.uniform(-3.1, 3.1, 500)
+    assert sampler.lobe_densities is not None
+    parts = sampler.lobe_densities(theta, 0.3, phi)
+    assert parts.shape == (len(sampler.lobe_names), 500)  # between two rows, too, where each lobe has two parts
+    np.testing.assert_allclose(parts.sum(axis=0), sampler.density(theta, 0.3, phi), rtol=1e-12)
 
 
 def test_the_picture_is_one(tmp_path: Path) -> None:

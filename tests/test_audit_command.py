@@ -21,7 +21,7 @@ needs_mitsuba = pytest.mark.skipif(importlib.util.find_spec("mitsuba") is None, 
 
 
 @needs_mitsuba
-@pytest.mark.parametrize(("beta_m", "melanin"), [(0.25, 0.3), (0.3, 1.3)])
+@pytest.mark.parametrize(("beta_m", "melanin"), [pytest.param(0.25, 0.3, marks=pytest.mark.slow), (0.3, 1.3)])
 def test_mitsubas_hair_is_flagged_at_theta_0(beta_m: float, melanin: float) -> None:
     hair = cuticle.from_mitsuba("hair", h=0, longitudinal_roughness=beta_m, azimuthal_roughness=0.3, eumelanin=melanin)
     report = audit(hair, theta_r=np.radians([-75, 0, 75]), samples=100_000)

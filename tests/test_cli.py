@@ -10,6 +10,7 @@ import pytest
 
 import cuticle
 from command import refused, run, run_program
+from cuticle.cli.app import COMMANDS, load
 
 
 @pytest.fixture(scope="module")
@@ -189,3 +190,8 @@ def test_document_prints_json_with_the_printed_tables(data: Path, tmp_path: Path
 )
 def test_document_and_report_refuse_bad_input(arguments: tuple[str, ...], words: str, tmp_path: Path) -> None:
     refused(*arguments, words=words, cwd=tmp_path)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_list_of_commands_says_what_each_says_of_itself(name: str) -> None:
+    assert load(name).help.splitlines()[0] == COMMANDS[name]

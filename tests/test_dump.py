@@ -14,9 +14,10 @@ from cuticle import Chiang, audit_dump
 from test_audit import BASE, Hemisphere, write
 
 
-def test_a_right_dump_passes(tmp_path: Path) -> None:
+@pytest.mark.parametrize("count", [5, pytest.param(20, marks=pytest.mark.slow)])
+def test_a_right_dump_passes(count: int, tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
-    for i in range(20):
+    for i in range(count):
         near = Chiang(beta_m=rng.uniform(0.1, 0.9), beta_n=rng.uniform(0.1, 0.9), eumelanin=1.3).near(rng.uniform(-0.9, 0.9))
         s = near.sample(rng.uniform(-1.4, 1.4), rng.random((50_000, 3)))
         report = audit_dump(write(tmp_path / f"{i}.npz", s.theta_i, s.phi, s.pdf))

@@ -3,8 +3,8 @@ from . import export as export
 from . import grooms as grooms
 from . import render as render
 from ._support.version import __version__ as __version__
+from .checking.audit import Audit as Audit
 from .checking.audit import audit as audit
-from .checking.audit_report import Audit as Audit
 from .checking.check import Report as Report
 from .checking.check import check as check
 from .checking.sample_file import audit_dump as audit_dump

@@ -1,29 +1,63 @@
-"""Audit any sampler on the sphere: does it draw what its pdf claims, and where not?"""
+"""Audit any sampler on the sphere: does it draw what its pdf claims, and if not, where?"""
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Sequence
-from functools import partial
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cuticle._support import validate
-from cuticle.checking.audit_case import Case, critical_z, examine
-from cuticle.checking.audit_report import Audit, judge
-from cuticle.checking.foreign_sampler import MAX_DIMENSIONS, Subject
-from cuticle.checking.physics import reciprocity_error
-from cuticle.checking.sample_file import Dump, audit_dump
-from cuticle.sampling.densities import even_normal, longitudinal_normal, periodic_normal
-from cuticle.sampling.sampler import Sampler
+from cuticle._support.files import write_bytes
+from cuticle.checking.audit_viewer import MEAN_CELLS, measure_viewer
+from cuticle.checking.foreign_sampler import foreign_sampler
+from cuticle.checking.measurements import AuditMeasurement, Reciprocity
+from cuticle.checking.tests import ATOM, TESTS
+from cuticle.checking.verdicts import Judge, Judged, Test, Thresholds, Verdict, deviations, sidak
+from cuticle.sampling.quality import MEASURED_AT
 
-__all__ = ["Audit", "Case", "Dump", "audit", "audit_dump"]
-
-DEFAULT_ANGLES = np.radians([-85, -75, -60, -30, 0, 30, 60, 75, 85.0])
 SAMPLES = 200_000
 LEVEL = 1e-4
+_NOTED = 1e-3  # share of samples, or of the pdf, from which on a note says so
+
+
+@dataclass(frozen=True)
+class Audit(Judged):
+    """The result of an audit."""
+
+    name: str
+    cases: tuple[AuditMeasurement, ...]  # one per viewer
+    verdicts: tuple[Verdict, ...]
+    notes: tuple[str, ...]  # observations that are no failure
+    samples: int  # per viewer
+    level: float  # false-positive rate
+    seconds: float = field(compare=False)
+
+    @property
+    def worst(self) -> AuditMeasurement:
+        """The viewer where samples differ from the density most clearly."""
+        return min(self.cases, key=lambda m: (m.p_value, -m.excess_variation))
+
+    def __repr__(self) -> str:
+        return self._summary(f"{self.name}; {len(self.cases)} viewers, {self.samples:,} samples each, level {self.level:g}")
+
+    def figure(self, path: str | os.PathLike[str] | None = None, theta_r: float | None = None) -> bytes:
+        """Return a PNG of the claimed density, the drawn one and their difference, and write it to `path` if given.
+
+        It shows the worst viewer, or the one nearest to `theta_r` (radians).
+        """
+        from cuticle.checking.audit_figure import audit_figure
+
+        shown = self.worst if theta_r is None else min(self.cases, key=lambda m: abs(m.theta_r - theta_r))
+        data = audit_figure(shown, name=self.name, ok=self.ok, samples=self.samples)
+        if path is not None:
+            write_bytes(Path(path), data)
+        return data
 
 
 def audit(
@@ -40,55 +74,58 @@ def audit(
     lobes: tuple[Sequence[str], Callable[..., Any]] | None = None,
     reciprocity: bool = False,
     energy: bool = False,
+    extra: Sequence[Test] = (),
     name: str | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> Audit:
-    """Audit a sampler: what it draws against what its pdf claims, viewer by viewer.
+    """Audit a sampler: compare what it draws with what its pdf claims, viewer by viewer.
 
     Parameters
     ----------
     sample
-        sample(theta_r, u) -> (theta_i, phi), (theta_i, phi, pdf) or (theta_i, phi, pdf, weight): theta_r one number, u
-        (n, dimensions) uniform in [0, 1); radians; pdf per steradian, 0 for a sample that gives no direction; weight is
-        f·cos(theta_i)/pdf, one value or one a channel. Or an object with `sample` and `pdf`, and `eval` if it has one:
-        a `cuticle.Sampler`, `cuticle.Chiang(...).near(h)`, `cuticle.from_mitsuba(..., h=0)`.
+        sample(theta_r, u) -> (theta_i, phi[, pdf[, weight]]). theta_r is one number, u is (n, dimensions) uniform in [0, 1),
+        angles are radians. pdf is per steradian; 0 means that the sample has no direction. weight is f·cos(theta_i)/pdf,
+        one value or one per channel. Or an object with `sample`, `pdf` and, if known, `eval`: a `cuticle.Sampler`,
+        `cuticle.Chiang(...).near(h)`, `cuticle.from_mitsuba(..., h=0)`.
     pdf
-        pdf(theta_i, theta_r, phi) -> density per steradian, of arrays (of single numbers, slowly).
+        pdf(theta_i, theta_r, phi) -> density per steradian, for arrays, or (slower) for single numbers.
     eval
-        eval(theta_i, theta_r, phi) -> f in 1/sr without a cosine, one value or one a channel. Without it weights and
-        ESS are left out.
+        eval(theta_i, theta_r, phi) -> f in 1/sr without a cosine, one value or one per channel. Without it there are no
+        tests of weights, and no ESS.
     theta_r
-        Viewers, radians; ±{0, 30, 60, 75, 85}° if left out.
+        Viewers, radians; default ±{0, 30, 60, 75, 85}°.
     samples
-        Samples a viewer, 10,000 to 100 million.
+        Samples per viewer, 10,000 to 100 million.
     level
-        Chance that a right sampler fails any test of the whole audit: half of it over the density tests of all
-        viewers, half over the mean weights (Šidák).
+        False-positive rate of the whole audit. One half goes to the density tests of all viewers, the other to the mean
+        weights (Šidák).
     seed
-        Of the random numbers.
+        Seed of the random numbers.
     dimensions
-        How many random numbers a sample takes.
+        Random numbers per sample.
     strands
-        Of a `cuticle.Sampler` that covers several counts.
+        Strand count, for a `cuticle.Sampler` with several.
     lobes
-        Names, and a function lobes(theta_i, theta_r, phi) -> (lobes, n) of each one's part of the pdf: the audit then says
-        which lobe claims the region that fails.
+        Names, and a function lobes(theta_i, theta_r, phi) -> (lobes, n) with each lobe's part of the pdf. The audit then
+        names the lobe behind a failing region.
     reciprocity, energy
-        Whether to ask that f(theta_i, theta_r, phi) = f(theta_r, theta_i, -phi), and that ∫ f cos is at most 1.
+        Also test that f(theta_i, theta_r, phi) = f(theta_r, theta_i, -phi), and that ∫ f cos is at most 1.
+    extra
+        Tests of your own; see docs/extending/verdict.md. `level` does not cover them.
     name
-        What the sampler is called in the report.
+        Name of the sampler in the report.
     progress
-        Called with a phase and a fraction from 0 to 1.
+        progress(phase, fraction), with a fraction from 0 to 1.
 
     Returns
     -------
     Audit
-        Verdicts with numbers, and where they fail; `audit.ok`, `audit.to_dict()`, `audit.figure()`.
+        Verdicts, and where they fail: `audit.ok`, `audit.to_dict()`, `audit.figure()`.
 
     Raises
     ------
     ValueError
-        A function that raises or returns a wrong shape; a parameter out of range.
+        A function raises or returns a wrong shape, or a parameter is out of range.
 
     Examples
     --------
@@ -97,76 +134,46 @@ def audit(
     >>> cuticle.audit(near, samples=20_000, theta_r=[0.5]).ok
     True
     """
-    subject = _subject(sample, pdf, eval, dimensions, strands, lobes, name)
-    angles = DEFAULT_ANGLES if theta_r is None else validate.angles("theta_r", theta_r, np.pi / 2 * (1 - 1e-6), np.float64)
+    sampler = foreign_sampler(sample, pdf, eval, dimensions=dimensions, strands=strands, lobes=lobes, name=name)
+    angles = MEASURED_AT if theta_r is None else validate.angles("theta_r", theta_r, np.pi / 2 * (1 - 1e-6), np.float64)
     angles = np.atleast_1d(angles).ravel()
     if not len(angles):
         raise ValueError("theta_r must name at least one viewer, got none")
     validate.integer("samples", samples, 10_000, 100_000_000)
     validate.number("level", level, 1e-9, 0.5)
     validate.integer("seed", seed, 0, 2**63 - 1)
-    if (reciprocity or energy) and subject.eval is None:
-        raise ValueError("reciprocity and energy are of f: give eval")
+    if (reciprocity or energy) and sampler.eval is None:
+        raise ValueError("reciprocity and energy test f: give eval")
     report = progress or (lambda phase, fraction: None)
     start = time.perf_counter()
-    each = 1 - (1 - level / 2) ** (1 / len(angles))
+    means = deviations(sidak(level / 2, len(angles) * MEAN_CELLS**2))
+    limits = Thresholds(p_value=sidak(level / 2, len(angles)), deviations=means)
+    options = {"eval": sampler.eval is not None, "energy": energy}
+    judge = Judge((*TESTS, *extra), limits, [k for k, asked in options.items() if asked])
     cases = []
     for i, t in enumerate(angles):
         report(f"theta_r {np.degrees(t):.3g}°", i / len(angles))
-        cases.append(examine(subject, float(t), samples, each, np.random.default_rng([seed, i])))
+        measured = measure_viewer(sampler, float(t), samples, limits.p_value, np.random.default_rng([seed, i]))
+        cases.append(judge.examine(measured))
     report("done", 1.0)
-    asymmetry = reciprocity_error(subject, np.random.default_rng([seed, len(angles)])) if reciprocity else None
-    verdicts, notes = judge(cases, each, critical_z(level / 2, len(angles)), samples, asymmetry, energy)
-    return Audit(subject.name, tuple(cases), tuple(verdicts), tuple(notes), samples, level, time.perf_counter() - start)
+    if reciprocity:
+        judge.examine(Reciprocity(sampler.reciprocity_error(np.random.default_rng([seed, len(angles)]))))
+    seconds = time.perf_counter() - start
+    return Audit(sampler.name, tuple(cases), judge.verdicts(), tuple(_notes(cases)), samples, level, seconds)
 
 
-def _subject(
-    sample: Any,
-    pdf: Callable[..., Any] | None,
-    eval: Callable[..., Any] | None,
-    dimensions: int,
-    strands: float | None,
-    lobes: tuple[Sequence[str], Callable[..., Any]] | None,
-    name: str | None,
-) -> Subject:
-    validate.integer("dimensions", dimensions, 1, MAX_DIMENSIONS)
-    names, densities = lobes if lobes is not None else ((), None)
-    eval_pdf = None
-    draw: Any = sample
-    density: Any = pdf
-    if isinstance(sample, Sampler):
-        n = strands if strands is not None or len(sample.strands) > 1 else sample.strands[0]
-        if n is None:
-            counts = ", ".join(f"{c:g}" for c in sample.strands)
-            raise ValueError(f"strands must be given: this sampler covers {counts}; strands=0 is direct light")
-        name = name or repr(sample)
-        if densities is None:
-            names, densities = tuple(map(str, range(sample.lobes))), partial(_mixture_parts, sample, n)
-        draw, density = partial(_with_strands, sample.sample, n), pdf or partial(_with_strands, sample.pdf, n)
-    elif hasattr(sample, "sample"):
-        if pdf is None and eval is None:
-            eval_pdf = getattr(sample, "eval_pdf", None)  # one call for both
-        draw, density, eval = sample.sample, pdf or getattr(sample, "pdf", None), eval or getattr(sample, "eval", None)
-        name = name or repr(sample)
-        if densities is None and getattr(sample, "lobe_names", None):
-            names, densities = sample.lobe_names, sample.lobe_densities
-    for which, function in (("sample", draw), ("pdf", density), *((("eval", eval),) if eval is not None else ())):
-        if not callable(function):
-            raise TypeError(f"{which} must be a function, got {type(function).__name__}; see help(cuticle.audit)")
-    return Subject(draw, density, eval, name or "sampler", dimensions, names, densities, eval_pdf)
-
-
-def _with_strands(function: Callable[..., Any], strands: float, *arguments: Any) -> Any:
-    return function(*arguments, strands)
-
-
-def _mixture_parts(sampler: Sampler, strands: float, theta_i: Any, theta_r: float, phi: Any) -> Any:
-    """Each lobe's part of a mixture's density, per steradian."""
-    azimuthal = even_normal if sampler.even else periodic_normal
-    mixture = sampler.mixture(theta_r, strands)
-    secant = 1 / np.maximum(np.cos(theta_i), 1e-9)
-    parts = [
-        weight * longitudinal_normal.pdf(theta_i, mean_t, sigma_t) * azimuthal.pdf(phi, mean_p, sigma_p) * secant
-        for weight, mean_t, mean_p, sigma_t, sigma_p in zip(*mixture, strict=True)
-    ]
-    return np.array(parts)
+def _notes(cases: Sequence[AuditMeasurement]) -> list[str]:
+    notes = []
+    if np.isfinite(cases[0].ess) and not any(np.isfinite(m.mean_z) for m in cases):
+        notes.append("the mean weight could not be tested: single weights dominate every cell at this sample size")
+    few = [(r, m) for m in cases for r in m.repeated if r.share <= ATOM]
+    if few:
+        repeated, at = max(few, key=lambda x: x[0].hits)
+        notes.append(f"{repeated.text()}, {at.place}: too few to fail, but no density has them")
+    wasteful = max(cases, key=lambda m: m.wasted)
+    if wasteful.wasted > _NOTED:
+        notes.append(f"{100 * wasteful.wasted:.2g} % of the pdf lies where f is 0, {wasteful.place}: wasted, not wrong")
+    dropping = max(cases, key=lambda m: m.dropped)
+    if dropping.dropped > _NOTED:
+        notes.append(f"{100 * dropping.dropped:.2g} % of samples give no direction, {dropping.place}")
+    return notes

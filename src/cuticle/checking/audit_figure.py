@@ -11,16 +11,16 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from cuticle._support.plots import INK, MAP, PALE, PAPER, figure_bytes
-from cuticle.checking.audit_case import Case
+from cuticle.checking.measurements import AuditMeasurement
 
-_LARGEST = 8.0  # standard deviations at the ends of the colours
+_LARGEST = 8.0  # standard deviations at the ends of the colour scale
 _CELLS = (90, 120)
 
 
-def audit_figure(case: Case, *, name: str, ok: bool, samples: int) -> bytes:
-    """Return a PNG: claimed and drawn density over theta_i and phi at one viewer, and their difference in deviations."""
-    assert case.maps is not None
-    maps = case.maps
+def audit_figure(m: AuditMeasurement, *, name: str, ok: bool, samples: int) -> bytes:
+    """Return a PNG: claimed and drawn density at one viewer, and their difference in standard deviations."""
+    assert m.maps is not None
+    maps = m.maps
     theta, phi = np.linspace(-np.pi / 2, np.pi / 2, _CELLS[0] + 1), np.linspace(-np.pi, np.pi, _CELLS[1] + 1)
     claimed, drawn = (_spread(x, maps.theta, maps.phi, theta, phi) for x in (maps.claimed, maps.drawn))
     area = np.outer(np.diff(np.sin(theta)), np.diff(phi))
@@ -28,9 +28,8 @@ def audit_figure(case: Case, *, name: str, ok: bool, samples: int) -> bytes:
     score = (drawn - claimed) * samples / np.sqrt(np.maximum(claimed * samples, 1.0))
     figure = Figure(figsize=(12.4, 4.9), facecolor=PAPER, dpi=150)
     grid = figure.add_gridspec(1, 3, left=0.055, right=0.93, bottom=0.13, top=0.74, wspace=0.1)
-    for column, (title, image) in enumerate(
-        (("claimed by the pdf", claimed / area), ("drawn by the sampler", drawn / area))
-    ):
+    images = ("claimed by the pdf", claimed / area), ("drawn by the sampler", drawn / area)
+    for column, (title, image) in enumerate(images):
         axes = _axes(figure, grid[0, column], title, left=column == 0)
         axes.pcolormesh(np.degrees(phi), np.degrees(theta), np.sqrt(image / top), cmap=MAP, vmin=0, vmax=1, rasterized=True)
     axes = _axes(figure, grid[0, 2], "drawn − claimed, in standard deviations of a cell", left=False)
@@ -39,15 +38,15 @@ def audit_figure(case: Case, *, name: str, ok: bool, samples: int) -> bytes:
     bar = figure.colorbar(mesh, cax=figure.add_axes((0.94, 0.13, 0.012, 0.61)), extend="both")
     bar.ax.tick_params(colors=PALE, labelsize=8)
     bar.outline.set_edgecolor("#3a3d44")
-    if case.region is not None:
-        (t0, t1), (p0, p1) = np.degrees(case.region.theta), np.degrees(case.region.phi)
+    if m.region is not None:
+        (t0, t1), (p0, p1) = np.degrees(m.region.theta), np.degrees(m.region.phi)
         axes.add_patch(Rectangle((p0, t0), p1 - p0, t1 - t0, fill=False, edgecolor="#111", linewidth=1.4))
-    mark = "passes" if ok else "FAILED"
-    figure.text(0.055, 0.925, f"{_short(name)}: {mark}", color=INK, fontsize=14)
-    told = case.region.text() if case.region is not None else "samples and density agree here"
+    short = name if len(name) <= 90 else f"{name[:87]}…"
+    figure.text(0.055, 0.925, f"{short}: {'passes' if ok else 'FAILED'}", color=INK, fontsize=14)
+    difference = m.region.text() if m.region is not None else "samples and density agree here"
     about = (
-        f"viewer at θr = {np.degrees(case.theta_r):.3g}°, {samples:,} samples; p = {case.p_value:.2g}, TV distance"
-        f" {case.total_variation:.3g} (a right sampler: {case.noise_floor:.3g}); {told}"
+        f"viewer at θr = {np.degrees(m.theta_r):.3g}°, {samples:,} samples; p = {m.p_value:.2g}, TV distance"
+        f" {m.total_variation:.3g} (a correct sampler: {m.noise_floor:.3g}); {difference}"
     )
     figure.text(0.055, 0.862, about, color=PALE, fontsize=9.5)
     return figure_bytes(figure)
@@ -68,14 +67,10 @@ def _axes(figure: Figure, place: Any, title: str, *, left: bool) -> Any:
 
 
 def _spread(x: NDArray, theta: NDArray, phi: NDArray, to_theta: NDArray, to_phi: NDArray) -> NDArray:
-    """Probabilities of cells as those of other cells, each spread evenly over its own."""
+    """Return the probabilities in other cells, if each is spread evenly over its own cell."""
 
     def share(edges: NDArray, to: NDArray) -> NDArray:
         low, high = np.maximum(edges[None, :-1], to[:-1, None]), np.minimum(edges[None, 1:], to[1:, None])
         return np.maximum(high - low, 0) / np.diff(edges)
 
     return share(theta, to_theta) @ x @ share(phi, to_phi).T
-
-
-def _short(name: str) -> str:
-    return name if len(name) <= 90 else f"{name[:87]}…"

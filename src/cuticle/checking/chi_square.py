@@ -1,4 +1,4 @@
-"""Pearson's chi-square over cells of a grid, small ones pooled with their neighbours."""
+"""Pearson's chi-square over cells of a grid; cells with small expected counts are pooled."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ LEAST_EXPECTED = 10.0  # samples in a cell; smaller cells are pooled
 
 
 class ChiSquare(NamedTuple):
-    """The statistic, its degrees of freedom, and the chance of one as large where the expectation is right."""
+    """The statistic, its degrees of freedom and its p-value."""
 
     statistic: float
     dof: int
@@ -20,15 +20,15 @@ class ChiSquare(NamedTuple):
 
 
 def chi_square(counts: NDArray, expected: NDArray, error: NDArray | None = None) -> ChiSquare:
-    """Test counts of independent samples against what is expected in each cell.
+    """Test counts of independent samples against the expected count of each cell.
 
     Parameters
     ----------
     counts, expected
-        One dimension, or (rows, columns). Cells that expect fewer than 10 are pooled within their row, and rows' pools with
-        the next until 10 are expected.
+        One dimension, or (rows, columns). Cells that expect fewer than 10 are pooled within their row; the rows' pools are
+        merged, in order, until each expects 10.
     error
-        How far `expected` itself may be off (of a quadrature), if at all: it adds to the variance.
+        Bound on the error of `expected`, of a quadrature say; its square adds to the variance.
     """
     shape = (1, -1) if counts.ndim == 1 else counts.shape
     o, e = counts.reshape(shape).astype(np.float64), expected.reshape(shape).astype(np.float64)
@@ -37,7 +37,7 @@ def chi_square(counts: NDArray, expected: NDArray, error: NDArray | None = None)
     kept = [x[~small] for x in (o, e, d)]
     pools = _pool(*(np.where(small, x, 0).sum(axis=1) for x in (o, e, d)))
     o, e, d = (np.concatenate(pair) for pair in zip(kept, pools, strict=True))
-    if len(e) > 1 and e[-1] < LEAST_EXPECTED:  # too few even together: into the smallest cell that counts
+    if len(e) > 1 and e[-1] < LEAST_EXPECTED:  # the last pool is too small: merge it with the smallest cell
         at = int(np.argmin(e[:-1]))
         for x in (o, e, d):
             x[at] += x[-1]
@@ -49,23 +49,18 @@ def chi_square(counts: NDArray, expected: NDArray, error: NDArray | None = None)
     statistic, dof = float(((o - e) ** 2 / (e + d**2)).sum()), len(e) - 1
     if dof < 1:
         return ChiSquare(statistic, max(dof, 0), 1.0)
-    # A Poisson count's (o - e)²/e varies by 2 + 1/e, not 2: match both moments.
+    # For a Poisson count (o - e)²/e has variance 2 + 1/e, not 2: scale the distribution to match mean and variance.
     scale = 1 + float((1 / e).sum()) / (2 * len(e))
     return ChiSquare(statistic, dof, float(chdtrc(dof / scale, dof / scale + (statistic - dof) / scale)))
 
 
-def _pool(o: NDArray, e: NDArray, d: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    pools: list[list[float]] = []
-    current = [0.0, 0.0, 0.0]
-    for row in zip(o, e, d, strict=True):
-        current = [a + b for a, b in zip(current, row, strict=True)]
-        if current[1] >= LEAST_EXPECTED:
-            pools.append(current)
-            current = [0.0, 0.0, 0.0]
-    if any(current):
-        if pools:
-            pools[-1] = [a + b for a, b in zip(pools[-1], current, strict=True)]
-        else:
-            pools.append(current)
-    columns = np.array(pools).reshape(-1, 3)
-    return columns[:, 0], columns[:, 1], columns[:, 2]
+def _pool(*of_rows: NDArray) -> NDArray:
+    """Merge rows (counts, expected, error) in order until each expects enough; return the same for the pools."""
+    pools = [np.zeros(3)]
+    for row in np.column_stack(of_rows):
+        if pools[-1][1] >= LEAST_EXPECTED:
+            pools.append(np.zeros(3))
+        pools[-1] += row
+    if len(pools) > 1 and pools[-1][1] < LEAST_EXPECTED:
+        pools[-2:] = [pools[-2] + pools[-1]]
+    return np.array(pools).T

@@ -1,44 +1,28 @@
-"""The sampler under audit: three functions from anywhere, called with arrays, their answers put into one form."""
+"""A sampler from anywhere: its functions, called with arrays, and their results checked and brought into one form."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cuticle._support import validate
+from cuticle.checking.measurements import Array, Drawn
+from cuticle.checking.regions import Region
+from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.bcsdf import luminance
 
-Array = NDArray[np.float64]
-MAX_DIMENSIONS = 32
+_T = TypeVar("_T")
+_MAX_DIMENSIONS = 32
+_PAIRS = 4000  # of directions, for reciprocity
 
 
 @dataclass(frozen=True)
-class Drawn:
-    """Samples of one viewer.
-
-    Of those `asked` for, the ones kept are directions with a density; `pdf`, `weight` (luminance) as they came with them, or
-    None. `dropped`: answers that say there is no direction: pdf 0, or weight 0 where f is above 0 or the pdf asked for is 0.
-    `invalid`: NaN or infinite angles, pdf or weight, or a negative pdf; `outside`: theta beyond a pole or phi beyond two
-    turns. `biased`: no direction, yet a weight.
-    """
-
-    theta: Array
-    phi: Array
-    pdf: Array | None
-    weight: Array | None
-    asked: int
-    dropped: int
-    invalid: int
-    outside: int
-    biased: int
-
-
-@dataclass(frozen=True)
-class Subject:
-    """sample(theta_r, u) -> (theta_i, phi[, pdf[, weight]]), pdf and eval(theta_i, theta_r, phi), and lobes if known."""
+class ForeignSampler:
+    """The functions of a sampler, as `cuticle.audit` documents them."""
 
     sample: Callable[..., Any]
     pdf: Callable[..., Any]
@@ -52,10 +36,8 @@ class Subject:
     def draw(self, theta_r: float, count: int, rng: np.random.Generator) -> Drawn:
         """Draw `count` samples for one viewer."""
         u = rng.random((count, self.dimensions))
-        answer = _columns(self.sample, theta_r, u)
-        theta, phi = answer[0], answer[1]
-        pdf = answer[2] if len(answer) > 2 else None
-        weight = answer[3] if len(answer) > 3 else None
+        theta, phi, *others = _columns(self.sample, theta_r, u)
+        pdf, weight = [*others, None, None][:2]
         finite = np.isfinite(theta) & np.isfinite(phi)
         none = np.zeros(count, bool)
         if pdf is not None:
@@ -65,8 +47,8 @@ class Subject:
         if weight is not None:
             finite &= np.isfinite(weight)
             biased = int((none & (weight > 0)).sum())
-            # Hosts that fail a sample leave its pdf and return no weight: so it is where there is no density, or where f
-            # is above 0. A weight of 0 where f is 0 is what it should be.
+            # A host that rejects a sample may keep its pdf and return weight 0. A weight of 0 is right where f is 0; where
+            # f is above 0, or the pdf evaluated there is 0, it means that the sample was rejected.
             dark = np.flatnonzero(finite & ~none & (weight == 0) & (np.abs(theta) <= np.pi / 2))
             if len(dark):
                 p, f = self.values(theta[dark], theta_r, phi[dark])
@@ -81,11 +63,11 @@ class Subject:
         )  # fmt: skip
 
     def density(self, theta: Array, theta_r: float, phi: Array) -> Array:
-        """The claimed density, as it came."""
+        """Return the pdf, unchecked."""
         return _call("pdf", self.pdf, theta, theta_r, phi)
 
     def values(self, theta: Array, theta_r: float, phi: Array) -> tuple[Array, Array | None]:
-        """The claimed density and f·cos (n, channels), as they came."""
+        """Return the pdf and f·cos (n, channels), unchecked."""
         if self.eval is None:
             return self.density(theta, theta_r, phi), None
         if self.eval_pdf is not None:
@@ -94,53 +76,132 @@ class Subject:
         f = _call("eval", self.eval, theta, theta_r, phi, channels=True)
         return self.density(theta, theta_r, phi), f * np.cos(theta)[:, None]
 
+    def lobe_behind(self, region: Region, theta_r: float, theta: Array, phi: Array, samples: int) -> str:
+        """Return in words which lobe's density lies in a region, or whose samples went there; edges cover the sphere."""
+        if self.lobe_densities is None or not self.lobe_names:
+            return ""
 
-def bright(f: Array) -> Array:
-    """Luminance of f (n, channels)."""
-    return luminance(f)
+        def shares(t: Array, p: Array) -> Array:
+            tt, pp = (x.ravel() for x in np.meshgrid(0.5 * (t[:-1] + t[1:]), 0.5 * (p[:-1] + p[1:]), indexing="ij"))
+            density = np.asarray(self.lobe_densities(tt, theta_r, pp), np.float64)  # type: ignore[misc]
+            return (density * np.cos(tt)) @ np.outer(np.diff(t), np.diff(p)).ravel()
+
+        whole = shares(theta, phi)
+        if not whole.sum() > 0:
+            return ""
+        whole /= whole.sum()
+        excess = (region.drawn - region.expected) / samples
+        near = np.abs(whole - excess) < 0.15 * whole + 3 * np.sqrt(whole / samples)
+        if region.drawn > 2 * region.expected and near.sum() == 1:
+            k = int(np.argmax(near))
+            return f"the excess is as large as all of lobe {self.lobe_names[k]} ({100 * whole[k]:.2g} %)"
+        here = shares(np.linspace(*region.theta, 33), np.linspace(*region.phi, 65))
+        if region.drawn > 2 * region.expected or not here.sum() > 0:
+            return ""
+        k = int(np.argmax(here))
+        return f"{100 * here[k] / here.sum():.0f} % of the pdf there is lobe {self.lobe_names[k]}"
+
+    def reciprocity_error(self, rng: np.random.Generator) -> float:
+        """Return the mean of |f(i, r) - f(r, i)| over the mean of f, over random pairs of directions."""
+
+        def f(theta: Array, theta_r: float, phi: Array) -> Array:
+            return luminance(self.values(theta, theta_r, phi)[1]) / np.cos(theta)  # type: ignore[arg-type]
+
+        difference = total = 0.0
+        for theta_r in np.arcsin(rng.uniform(-1, 1, 16)):
+            theta = np.arcsin(rng.uniform(-1, 1, _PAIRS // 16))
+            phi = rng.uniform(-np.pi, np.pi, len(theta))
+            there = f(theta, float(theta_r), phi)
+            pairs = zip(theta, phi, strict=True)
+            back = np.array([f(np.array([theta_r]), float(t), np.array([-p]))[0] for t, p in pairs])
+            difference += float(np.abs(there - back).sum())
+            total += 0.5 * float((there + back).sum())
+        return difference / max(total, 1e-300)
+
+
+def foreign_sampler(
+    sample: Any,
+    pdf: Callable[..., Any] | None,
+    eval: Callable[..., Any] | None,
+    *,
+    dimensions: int,
+    strands: float | None,
+    lobes: tuple[Sequence[str], Callable[..., Any]] | None,
+    name: str | None,
+) -> ForeignSampler:
+    """Return the sampler that `audit` was given: three functions, an object that has them, or a `Sampler`."""
+    validate.integer("dimensions", dimensions, 1, _MAX_DIMENSIONS)
+    lobe_names, lobe_densities = lobes if lobes is not None else ((), None)
+    draw: Any = sample
+    density: Any = pdf
+    eval_pdf = None
+    if isinstance(sample, Sampler):
+        n = strands if strands is not None or len(sample.strands) > 1 else sample.strands[0]
+        if n is None:
+            counts = ", ".join(f"{c:g}" for c in sample.strands)
+            raise ValueError(f"strands must be given: this sampler covers {counts}; strands=0 is direct light")
+        if lobes is None:
+            lobe_names, lobe_densities = [str(k) for k in range(sample.lobes)], partial(_lobe_densities, sample, n)
+        draw, density = partial(_with_strands, sample.sample, n), pdf or partial(_with_strands, sample.pdf, n)
+    elif hasattr(sample, "sample"):
+        if pdf is None and eval is None:
+            eval_pdf = getattr(sample, "eval_pdf", None)  # one call for both
+        draw, density, eval = sample.sample, pdf or getattr(sample, "pdf", None), eval or getattr(sample, "eval", None)
+        if lobes is None and getattr(sample, "lobe_names", None):
+            lobe_names, lobe_densities = sample.lobe_names, sample.lobe_densities
+    for which, function in (("sample", draw), ("pdf", density), *((("eval", eval),) if eval is not None else ())):
+        if not callable(function):
+            raise TypeError(f"{which} must be a function, got {type(function).__name__}; see help(cuticle.audit)")
+    if draw is not sample:
+        name = name or repr(sample)
+    return ForeignSampler(draw, density, eval, name or "sampler", dimensions, lobe_names, lobe_densities, eval_pdf)
+
+
+def _with_strands(function: Callable[..., Any], strands: float, *arguments: Any) -> Any:
+    return function(*arguments, strands)
+
+
+def _lobe_densities(sampler: Sampler, strands: float, theta_i: Any, theta_r: float, phi: Any) -> Array:
+    """Return each lobe's part of a sampler's pdf, per steradian, (lobes, n): the pdf of that lobe alone times its weight."""
+    parts = []
+    for weight, *lobe in zip(*sampler.mixture(theta_r, strands), strict=True):
+        nodes = np.tile(np.array([1.0, *lobe]).reshape(1, 1, 5, 1), (1, 2, 1, 1))
+        parts.append(weight * Sampler(nodes, np.ones((1, 2)), even=sampler.even).pdf(theta_i, theta_r, phi))
+    # Between 0 strands and the next count two rows are blended, and a lobe has a part in each.
+    return np.array(parts).reshape(-1, sampler.lobes, np.size(theta_i)).sum(axis=0)
 
 
 def _columns(sample: Callable[..., Any], theta_r: float, u: Array) -> list[Array]:
-    try:
-        answer = sample(theta_r, u)
-        columns = [np.asarray(c, np.float64) for c in answer]
+    def together() -> list[Array]:
+        columns = [np.asarray(c, np.float64) for c in sample(theta_r, u)]
         if any(c.shape[:1] != (len(u),) for c in columns):
-            columns = _one_by_one(sample, theta_r, u)
-    except (TypeError, ValueError) as error:
-        try:
-            columns = _one_by_one(sample, theta_r, u)
-        except Exception:
-            raise ValueError(
-                f"sample(theta_r, u) raised {type(error).__name__} for u of shape {u.shape}: {error}"
-            ) from error
-    except Exception as error:
-        raise ValueError(f"sample(theta_r, u) raised {type(error).__name__} for u of shape {u.shape}: {error}") from error
+            raise ValueError(f"it returned shapes {', '.join(str(c.shape) for c in columns)}")
+        return columns
+
+    def one_by_one() -> list[Array]:
+        rows = [tuple(sample(theta_r, row)) for row in u]
+        return [np.array(c, np.float64) for c in zip(*rows, strict=True)]
+
+    columns = _first_that_works(f"sample(theta_r, u), for u of shape {u.shape},", together, one_by_one)
     if not 2 <= len(columns) <= 4 or any(c.shape != (len(u),) for c in columns[:3]):
         shapes = ", ".join(str(c.shape) for c in columns)
         raise ValueError(
-            f"sample(theta_r, u) must return theta_i, phi and, if it has them, pdf and weight: each one value for a row of"
-            f" u (a weight may have channels), got shapes {shapes} for {len(u)} rows"
+            f"sample(theta_r, u) must return theta_i, phi and, optionally, pdf and weight: one value per row of u (a weight"
+            f" may have channels); got shapes {shapes} for {len(u)} rows"
         )
     if len(columns) == 4 and columns[3].ndim > 1:
         columns[3] = luminance(columns[3])
     return columns
 
 
-def _one_by_one(sample: Callable[..., Any], theta_r: float, u: Array) -> list[Array]:
-    rows = [tuple(sample(theta_r, row)) for row in u]
-    return [np.array(c, np.float64) for c in zip(*rows, strict=True)]
-
-
 def _call(
     name: str, function: Callable[..., Any], theta: Array, theta_r: float, phi: Array, *, channels: bool = False
 ) -> Array:
-    try:
-        answer = np.asarray(function(theta, theta_r, phi), np.float64)
-    except Exception as first:
-        try:
-            answer = np.array([function(float(t), theta_r, float(p)) for t, p in zip(theta, phi, strict=True)], np.float64)
-        except Exception:
-            raise ValueError(f"{name}(theta_i, theta_r, phi) raised {type(first).__name__}: {first}") from first
+    answer = _first_that_works(
+        f"{name}(theta_i, theta_r, phi)",
+        lambda: np.asarray(function(theta, theta_r, phi), np.float64),
+        lambda: np.array([function(float(t), theta_r, float(p)) for t, p in zip(theta, phi, strict=True)], np.float64),
+    )
     if answer.ndim == 0:  # a constant
         answer = np.full(len(theta), float(answer))
     if channels and answer.shape == theta.shape:
@@ -148,6 +209,17 @@ def _call(
     expected = 2 if channels else 1
     if answer.ndim != expected or answer.shape[0] != len(theta):
         raise ValueError(
-            f"{name}(theta_i, theta_r, phi) must return one value a direction, got {answer.shape} for {len(theta)}"
+            f"{name}(theta_i, theta_r, phi) must return one value per direction; got shape {answer.shape} for {len(theta)}"
         )
     return answer
+
+
+def _first_that_works(name: str, together: Callable[[], _T], one_by_one: Callable[[], _T]) -> _T:
+    """Return the result for whole arrays, or for single numbers; where neither works, raise ValueError about the first."""
+    try:
+        return together()
+    except Exception as first:
+        try:
+            return one_by_one()
+        except Exception:
+            raise ValueError(f"{name} raised {type(first).__name__}: {first}") from first

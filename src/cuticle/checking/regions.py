@@ -1,4 +1,4 @@
-"""Where samples and density differ: the band or patch of the sphere that says it most clearly."""
+"""Where samples and density differ: the band or patch of the sphere with the least likely count."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 _PATCHES = 24  # cells along each axis where patches are looked for
-LEAST_REPEATS = 20  # samples that share one angle before it is told
+LEAST_REPEATS = 20  # samples at one angle from which on it is reported
 _SAME = 1e-6  # radians
 
 
 class Region(NamedTuple):
-    """A patch of the sphere (radians; a band has all of the other angle), samples drawn in it and expected there."""
+    """A patch of the sphere (radians; a band spans the other angle), and the samples drawn and expected in it."""
 
     theta: tuple[float, float]
     phi: tuple[float, float]
@@ -22,7 +22,7 @@ class Region(NamedTuple):
     expected: float
 
     def text(self) -> str:
-        """In words, degrees."""
+        """Return the region in words, in degrees."""
         t, p = np.degrees(self.theta), np.degrees(self.phi)
         patch = f"theta_i {t[0]:.1f}° to {t[1]:.1f}°" if t[1] - t[0] < 179.9 else "all theta_i"
         patch += f", phi {p[0]:.1f}° to {p[1]:.1f}°" if p[1] - p[0] < 359.9 else ""
@@ -30,32 +30,40 @@ class Region(NamedTuple):
         return f"too {many} samples at {patch}: {self.drawn:,.0f} drawn, {self.expected:,.0f} expected"
 
 
-class Repeated(NamedTuple):
-    """An angle that many samples share to the last digit."""
+class RepeatedAngle(NamedTuple):
+    """An angle (degrees) that many samples share to the last digit."""
 
     axis: str
     angle: float
     hits: int
     of: int
 
+    @property
+    def share(self) -> float:
+        """Share of all samples."""
+        return self.hits / self.of
+
+    def within(self, region: Region) -> bool:
+        """Return whether the angle lies in a region."""
+        low, high = region.theta if self.axis == "theta_i" else region.phi
+        return low - 1e-6 <= np.radians(self.angle) <= high + 1e-6
+
     def text(self) -> str:
-        """In words, degrees."""
-        share = 100 * self.hits / self.of
-        return f"{self.hits:,} of {self.of:,} samples ({share:.2g} %) at exactly {self.axis} = {self.angle:.3f}°"
+        """Return the angle and its share in words."""
+        return f"{self.hits:,} of {self.of:,} samples ({100 * self.share:.2g} %) at exactly {self.axis} = {self.angle:.3f}°"
 
 
-def worst_region(counts: Array, expected: Array, error: Array, theta: Array, phi: Array) -> Region:
-    """Return the band in theta, band in phi or patch whose counts are the least likely.
+def worst_region(counts: NDArray, expected: Array, error: Array, theta: Array, phi: Array) -> Region:
+    """Return the band in theta, band in phi or patch whose count is least likely.
 
-    Likelihood: Poisson's, o ln(o/e) - (o - e), of a count so far from what is expected less what the quadrature may be off.
+    The measure is Poisson's log likelihood ratio o ln(o/e) - (o - e), with e moved toward o by the quadrature's error.
     """
     best, found = -1.0, Region((theta[0], theta[-1]), (phi[0], phi[-1]), counts.sum(), expected.sum())
     for axis, edges in ((1, theta), (0, phi)):
-        o, e, d = counts.sum(axis=axis), expected.sum(axis=axis), error.sum(axis=axis)
+        o, e, d = (x.sum(axis=axis) for x in (counts, expected, error))
         gain, i, j = _best_interval(o, e, d)
         if gain > best:
-            best = gain
-            band = float(edges[i]), float(edges[j])
+            best, band = gain, (float(edges[i]), float(edges[j]))
             across, around = (band, (phi[0], phi[-1])) if axis else ((theta[0], theta[-1]), band)
             found = Region(across, around, float(o[i:j].sum()), float(e[i:j].sum()))
     rows, columns = _groups(expected.sum(axis=1)), _groups(expected.sum(axis=0))
@@ -64,7 +72,7 @@ def worst_region(counts: Array, expected: Array, error: Array, theta: Array, phi
     for i in range(len(rows)):
         for k in range(i + 1, len(rows) + 1):
             gain, a, b = _best_interval(o[i:k].sum(axis=0), e[i:k].sum(axis=0), d[i:k].sum(axis=0))
-            if gain > best * 1.5 + 5:  # a patch has more to choose from: it must say clearly more than a band
+            if gain > best * 1.5 + 5:  # there are more patches than bands: one must be clearly less likely
                 best = gain
                 found = Region(
                     (float(theta[r[i]]), float(theta[r[k]])), (float(phi[c[a]]), float(phi[c[b]])),
@@ -73,22 +81,22 @@ def worst_region(counts: Array, expected: Array, error: Array, theta: Array, phi
     return found
 
 
-def repeated_angles(theta: Array, phi: Array) -> list[Repeated]:
-    """Return angles that an unlikely number of samples share: an atom, which no density has."""
+def repeated_angles(theta: Array, phi: Array) -> list[RepeatedAngle]:
+    """Return angles that too many samples share exactly: atoms of the distribution, which no density has."""
     found = []
     for name, x in (("theta_i", theta), ("phi", phi)):
         values, counts = np.unique(np.round(x / _SAME), return_counts=True)
         at = int(np.argmax(counts)) if len(counts) else 0
         if len(counts) and counts[at] >= LEAST_REPEATS and abs(values[at] * _SAME) < np.pi - 1e-3:
-            near = np.abs(x - values[at] * _SAME) < 1e-3  # a peak that is merely narrow has neighbours as close
+            near = np.abs(x - values[at] * _SAME) < 1e-3  # a narrow peak has samples nearby, an atom has not
             if counts[at] > 0.2 * near.sum():
                 degrees = float(np.degrees(values[at] * _SAME)) + 0.0  # never -0
-                found.append(Repeated(name, degrees, int(counts[at]), len(x)))
+                found.append(RepeatedAngle(name, degrees, int(counts[at]), len(x)))
     return found
 
 
 def _groups(expected: Array) -> NDArray[np.intp]:
-    """First cells of about `_PATCHES` groups of like probability."""
+    """Return the first cells of about `_PATCHES` groups of like probability."""
     share = np.cumsum(expected) / max(float(expected.sum()), 1e-300)
     return np.unique(np.searchsorted(share, np.arange(_PATCHES) / _PATCHES, side="right").clip(0, len(expected) - 1))
 

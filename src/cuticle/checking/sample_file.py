@@ -1,7 +1,7 @@
-"""Audit a file of samples: directions, the pdf that came with each, and weights; from any renderer in any language.
+"""Audit a file of samples: the directions, pdfs and weights that any renderer wrote.
 
-No density can be asked for between the samples, so the test runs the other way round: the mean of 1/pdf over the samples
-in a patch of the sphere is the patch's solid angle, if the pdf is the density they were drawn from.
+A file has no pdf between its samples, so the test is inverted: if samples are drawn from the pdf, then Σ 1/pdf over those in
+a patch of the sphere, over the number of all samples, is on average the patch's solid angle.
 """
 
 from __future__ import annotations
@@ -16,58 +16,42 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc, ndtr
 
 from cuticle._support import validate
-from cuticle.checking.audit_report import ATOM
+from cuticle.checking.measurements import RowsOfFile, ViewerOfFile
 from cuticle.checking.regions import repeated_angles
-from cuticle.checking.verdicts import Judged, Verdict
+from cuticle.checking.tests import ATOM, TESTS
+from cuticle.checking.verdicts import Judge, Judged, Thresholds, Verdict, deviations, sidak
 from cuticle.scattering.bcsdf import luminance
 from cuticle.scattering.table_files import read_arrays, read_rows
 
 Array = NDArray[np.float64]
 LEAST_ROWS = 5_000
 _LEAF = 300  # samples of the first half in a patch
-_SPREAD = 1.0  # of 1/pdf within a patch, relative to its mean: beyond, a mean of it is not normal
+_SPREAD = 1.0  # standard deviation of 1/pdf over its mean, beyond which the mean over a patch is not normal
 _GROUPS = 12  # bands of patches
-_TESTS = 3
 _HELP = "it needs direction (n, 3) and pdf (n,), and may have weight (n,) or (n, channels), and viewer (n,)"
 
 
 @dataclass(frozen=True)
 class Dump(Judged):
-    """The audit of a file of samples.
-
-    `patches`: tested; `left_out`: those at the edge of what is drawn, or where the pdf varies too much within.
-    `mean_weight`, `error`: over all rows, with its standard error. `ess`: (Σ w)²/(n Σ w²), as far as these rows tell.
-    """
+    """The result of the audit of a file of samples."""
 
     name: str
     rows: int
     viewers: int
-    patches: int
-    left_out: int
+    patches: int  # tested
+    left_out: int  # patches at the edge of the support, or within which the pdf varies too much
     p_value: float
-    mean_weight: float
-    error: float
-    ess: float
+    mean_weight: float  # over all rows
+    error: float  # its standard error
+    ess: float  # (Σ w)²/(n Σ w²), an estimate from these rows
     largest_weight: float
     verdicts: tuple[Verdict, ...]
     notes: tuple[str, ...]
     level: float
 
     def __repr__(self) -> str:
-        return self._told(
-            f"{self.name}; {self.rows:,} rows, {self.viewers} viewers, {self.patches} patches tested,"
-            f" {self.left_out} left out"
-        )
-
-
-@dataclass(frozen=True)
-class _Patches:
-    """z: deviations from the solid angles; bands: those of sums over bands; where: the worst in words."""
-
-    z: Array
-    bands: Array
-    where: str
-    left_out: int
+        counts = f"{self.rows:,} rows, {self.viewers} viewers, {self.patches} patches tested, {self.left_out} left out"
+        return self._summary(f"{self.name}; {counts}")
 
 
 def audit_dump(path: str | os.PathLike[str], *, level: float = 1e-4, seed: int = 1) -> Dump:
@@ -76,23 +60,23 @@ def audit_dump(path: str | os.PathLike[str], *, level: float = 1e-4, seed: int =
     Parameters
     ----------
     path
-        .npz with `direction` (n, 3) in one frame for all rows, `pdf` (n,) per steradian, and if known `weight` (n,) or
-        (n, channels) and `viewer` (n,), a number that tells viewers apart; or CSV with columns x, y, z, pdf, weight, viewer.
-        pdf 0 means that the sample gave no direction. At least 5,000 rows a viewer.
+        An .npz with `direction` (n, 3), all in one frame, and `pdf` (n,) per steradian; optional are `weight`, (n,) or
+        (n, channels), and `viewer` (n,), a number per viewer. Or a CSV with columns x, y, z, pdf, weight, viewer. A pdf of 0
+        means that the sample has no direction. At least 5,000 rows per viewer.
     level
-        Chance that a right sampler fails.
+        False-positive rate.
     seed
-        Of the halving: one half places the patches, the other is tested.
+        Seed of the split: one half of the rows places the patches, the other half is tested.
 
     Returns
     -------
     Dump
-        Verdicts with numbers; `dump.ok`.
+        Verdicts; `dump.ok`.
 
     Raises
     ------
     ValueError
-        A file that cannot be read or does not hold that.
+        The file cannot be read, or does not hold these columns.
     """
     validate.number("level", level, 1e-9, 0.5)
     direction, pdf, weight, viewer = _read(path)
@@ -103,72 +87,54 @@ def audit_dump(path: str | os.PathLike[str], *, level: float = 1e-4, seed: int =
     biased = np.zeros(len(pdf), bool) if weight is None else none & (weight > 0)
     ids, counts = np.unique(viewer, return_counts=True)
     if counts.min() < LEAST_ROWS:
-        raise ValueError(f"{path}: an audit needs at least {LEAST_ROWS:,} rows a viewer, got {counts.min():,} of viewer"
+        raise ValueError(f"{path}: an audit needs at least {LEAST_ROWS:,} rows per viewer, got {counts.min():,} of viewer"
                          f" {ids[np.argmin(counts)]:g}; draw more")  # fmt: skip
     rng = np.random.default_rng(seed)
-    results, notes, atom, atom_at = [], [], 0.0, ""
+    each = sidak(level, len(ids))
+    judge = Judge(TESTS, Thresholds(each, deviations(each)), () if weight is None else ("weight",))
+    judge.examine(RowsOfFile(bad, bad_weight, biased))
+    viewers, notes = [], []
     for i in ids:
         rows = np.flatnonzero((viewer == i) & ~bad & ~none)
-        asked = int((viewer == i).sum())
         theta, phi = _angles(direction[rows])
-        where = "" if len(ids) == 1 else f"viewer {i:g}: "
-        results.append((where, _test(theta, phi, pdf[rows], asked, rng)))
-        for r in repeated_angles(theta, phi):
-            if r.hits / r.of > ATOM:
-                atom, atom_at = max((atom, atom_at), (r.hits / r.of, f"{where}{r.text()}"))
-            else:
-                notes.append(f"{where}{r.text()}: no density has them, but they are few")
-    each = 1 - (1 - level) ** (1 / len(ids))
-    p_values = [_p_value(r) for _, r in results]
-    worst = int(np.argmin(p_values))
-    place = results[worst][0] + results[worst][1].where
-    verdicts = [
-        Verdict("valid rows", not bad.any(), float(bad.mean()), 0.0, _first(bad),
-                "directions have length 1, pdf is a number and at least 0: share that does not"),
-        Verdict("samples follow the pdf", bool(p_values[worst] >= each), p_values[worst], each, place,
-                "1/pdf over a patch's samples sums to its solid angle: least p-value, limit by Šidák"),
-        Verdict("no atom", not atom, atom, ATOM, atom_at, "no angle is drawn again and again: largest share at exactly one"),
-    ]  # fmt: skip
+        name = "" if len(ids) == 1 else f"viewer {i:g}: "
+        fit = _test(theta, phi, pdf[rows], int((viewer == i).sum()), rng)
+        repeated = sorted(repeated_angles(theta, phi), key=lambda r: -r.share)
+        viewers.append(judge.examine(ViewerOfFile(name, *fit, tuple(r for r in repeated if r.share > ATOM))))
+        notes += [f"{name}{r.text()}: too few to fail, but no density has them" for r in repeated if r.share <= ATOM]
+    patches, left_out = sum(v.patches for v in viewers), sum(v.left_out for v in viewers)
     mean = error = ess = largest = float("nan")
     if weight is not None:
-        verdicts += [
-            Verdict("valid weights", not bad_weight.any(), float(bad_weight.mean()), 0.0, _first(bad_weight),
-                    "weights are numbers, at least 0: share that is not"),
-            Verdict("no weight without a direction", not biased.any(), float(biased.mean()), 0.0, _first(biased),
-                    "a sample with pdf 0 has weight 0: share that has not"),
-        ]  # fmt: skip
         w = np.where(bad_weight, 0, weight)
         mean, error = float(w.mean()), float(w.std() / np.sqrt(len(w)))
         ess = float(w.sum() ** 2 / max(len(w) * (w**2).sum(), 1e-300))
         largest = float(w.max() / max(mean, 1e-300))
     if none.mean() > 1e-3:
         notes.append(f"{100 * none.mean():.2g} % of rows give no direction")
-    patches, left = sum(len(r.z) for _, r in results), sum(r.left_out for _, r in results)
     if not patches:
-        notes.append("no patch could be tested: the pdf varies too much within each; more rows make smaller patches")
+        notes.append("no patch could be tested: the pdf varies too much within each of them; more rows make smaller patches")
     return Dump(
-        str(path), len(pdf), len(ids), patches, left, min(p_values), mean, error, ess, largest, tuple(verdicts),
-        tuple(notes), level,
+        str(path), len(pdf), len(ids), patches, left_out, min(v.p_value for v in viewers), mean, error, ess, largest,
+        judge.verdicts(), tuple(notes), level,
     )  # fmt: skip
-
-
-def _first(wrong: NDArray[np.bool_]) -> str:
-    return f"first at row {int(np.argmax(wrong)) + 1:,}" if wrong.any() else ""
 
 
 def _angles(direction: Array) -> tuple[Array, Array]:
     return np.arcsin(np.clip(direction[:, 1], -1, 1)), np.arctan2(direction[:, 2], direction[:, 0])
 
 
-def _test(theta: Array, phi: Array, pdf: Array, asked: int, rng: np.random.Generator) -> _Patches:
-    """Compare patches' solid angles with the mean of 1/pdf over the half of the samples that did not place them."""
+def _test(theta: Array, phi: Array, pdf: Array, asked: int, rng: np.random.Generator) -> tuple[float, str, int, int]:
+    """Return p-value, worst patch, and numbers of patches tested and left out: solid angles against Σ 1/pdf over them.
+
+    One half of the samples places the patches, the other is summed.
+    """
     x, y, inverse = np.sin(theta), phi, 1 / pdf  # equal areas are equal solid angles
     first = rng.random(len(x)) < 0.5
     boxes: list[tuple[Array, NDArray[np.intp]]] = []
     _split(np.array([-1.0, 1, -np.pi, np.pi]), np.flatnonzero(first), x, y, boxes)
     second = np.flatnonzero(~first)
-    share = asked * len(second) / max(len(x), 1)  # of all that were asked for, those this half stands for
-    z, area, left, found = [], [], 0, []
+    share = asked * len(second) / max(len(x), 1)  # of all samples, those without a direction included
+    z, left, found = [], 0, []
     for box, members in boxes:
         here = second[(x[second] >= box[0]) & (x[second] < box[1]) & (y[second] >= box[2]) & (y[second] < box[3])]
         solid = (box[1] - box[0]) * (box[3] - box[2])
@@ -179,10 +145,9 @@ def _test(theta: Array, phi: Array, pdf: Array, asked: int, rng: np.random.Gener
             continue
         variance = float((both**2).mean()) * len(both) / 2 / share**2 - (both.mean() * len(both) / 2 / share) ** 2 / share
         z.append((float(inverse[here].sum()) / share - solid, np.sqrt(max(variance, 1e-300))))
-        area.append(solid)
-        found.append((box, len(here), solid))
+        found.append((box, solid))
     if not z:
-        return _Patches(np.zeros(0), np.zeros(0), "nothing to test", left)
+        return 1.0, "nothing to test", 0, left
     difference, deviation = np.array(z).T
     score = difference / deviation
     bands = []
@@ -193,16 +158,16 @@ def _test(theta: Array, phi: Array, pdf: Array, asked: int, rng: np.random.Gener
     k = int(np.argmax(np.abs(score)))
     box = found[k][0]
     t, p = np.degrees(np.arcsin(box[:2])), np.degrees(box[2:])
-    many, off = "many" if score[k] > 0 else "few", 100 * abs(difference[k]) / found[k][2]
+    many, off = "many" if score[k] > 0 else "few", 100 * abs(difference[k]) / found[k][1]
     where = (
         f"too {many} samples for their pdf, by {off:.2g} %, where asin(y) is {t[0]:.0f}° to"
         f" {t[1]:.0f}° and atan2(z, x) {p[0]:.0f}° to {p[1]:.0f}°"
     )
-    return _Patches(score, np.array(bands), where, left)
+    return _p_value(score, np.array(bands)), where, len(z), left
 
 
 def _split(box: Array, members: NDArray[np.intp], x: Array, y: Array, out: list[Any]) -> None:
-    """Halve a box at its samples' median, along the side they spread over more, until few are left."""
+    """Halve a box at its samples' median, along the axis of larger spread, until few samples are left."""
     if len(members) < 2 * _LEAF:
         if len(members):
             out.append((box, members))
@@ -221,23 +186,23 @@ def _split(box: Array, members: NDArray[np.intp], x: Array, y: Array, out: list[
 
 
 def _on_edge(box: Array, x: Array, y: Array, inverse: Array) -> bool:
-    """Whether part of a box seems to hold no density at all: the support ends in it."""
+    """Whether the support seems to end within a box: some part of it has no sample."""
     parts = 4
     i = np.clip(((x - box[0]) / (box[1] - box[0]) * parts).astype(int), 0, parts - 1)
     j = np.clip(((y - box[2]) / (box[3] - box[2]) * parts).astype(int), 0, parts - 1)
     count = np.bincount(i * parts + j, minlength=parts * parts)
-    # The lowest density met in the box says how many samples a sixteenth of it should have at least.
+    # The lowest pdf in the box bounds from below how many samples a sixteenth of it should have.
     solid = (box[1] - box[0]) * (box[3] - box[2]) / parts**2
     least = len(x) * solid / inverse.max() / max(float((1 / inverse).mean()) * solid * parts**2, 1e-300)
     return bool((count == 0).any()) or least < 1
 
 
-def _p_value(result: _Patches) -> float:
+def _p_value(score: Array, bands: Array) -> float:
+    """Return the p-value of chi-square and of the largest deviation, over patches and over bands of them."""
     tests = []
-    for z in (result.z, result.bands):
-        if len(z):
-            tests += [chdtrc(len(z), float((z**2).sum())), min(1.0, 2 * len(z) * ndtr(-np.abs(z).max()))]
-    return float(min(1.0, len(tests) * min(tests))) if tests else 1.0
+    for z in (score, bands):
+        tests += [chdtrc(len(z), float((z**2).sum())), min(1.0, 2 * len(z) * ndtr(-np.abs(z).max()))]
+    return float(min(1.0, len(tests) * min(tests)))
 
 
 def _read(path: str | os.PathLike[str]) -> tuple[Array, Array, Array | None, Array]:
@@ -257,7 +222,7 @@ def _read(path: str | os.PathLike[str]) -> tuple[Array, Array, Array | None, Arr
     try:
         arrays = {k: np.asarray(v, np.float64) for k, v in columns.items() if k in ("direction", "pdf", "weight", "viewer")}
     except (TypeError, ValueError):
-        raise ValueError(f"{path} holds something that is not a number; {_HELP}") from None
+        raise ValueError(f"{path} holds values that are not numbers; {_HELP}") from None
     pdf, direction = arrays["pdf"], arrays["direction"]
     n = len(pdf) if pdf.ndim == 1 else -1
     if n < 1 or direction.shape != (n, 3):

@@ -15,7 +15,7 @@ from typer.core import TyperCommand, TyperGroup
 COMMANDS = {
     "fibres": "List the published fibres and where their numbers come from.",
     "fit": "Fit a sampler to a fibre, a table of values or a Mitsuba material.",
-    "check": "Check a sampler and print a table of verdicts. Exit code 1 if one fails.",
+    "check": "Check a sampler against its scattering function. Exit code 1 if a verdict fails.",
     "document": "Recompute the draft description for any fibre: its tables, functions, figures and claims.",
     "report": "Write one self-contained HTML page from the results of fit, check and document in a folder.",
     "render": "Render a groom with Mitsuba: `cuticle render GROOM -o picture.png`, with the options of `picture`.",

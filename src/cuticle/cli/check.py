@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -17,29 +16,20 @@ from cuticle.scattering.by_name import model_of
 
 
 def command(
-    sampler: Annotated[
-        Path, typer.Argument(metavar="SAMPLER.json", help="A sampler that `cuticle fit` wrote, or its folder.")
-    ],
+    sampler: Annotated[Path, typer.Argument(metavar="SAMPLER.json", help="A sampler's file, or its folder.")],
     model: Annotated[
         str | None,
-        typer.Option(
-            "--model",
-            "--fibre",
-            metavar="PRESET|FILE",
-            help="The scattering function to check against. Default: the sampler's own.",
-        ),
+        typer.Option("--model", "--fibre", metavar="PRESET|FILE", help="Scattering function; default: the sampler's own."),
     ] = None,
-    strands: Annotated[
-        str | None, typer.Option(metavar="N,N,…", help="Strand counts. Default: those that the sampler covers.")
-    ] = None,
-    samples: Annotated[int, typer.Option(help="Samples per case.")] = 1_000_000,
+    strands: Annotated[str | None, typer.Option(metavar="N,N,…", help="Strand counts; default: the sampler's own.")] = None,
+    samples: Annotated[int, typer.Option(help="Samples per viewer and strand count.")] = 1_000_000,
     seed: Annotated[int, typer.Option(help="Seed of the random numbers.")] = 1,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Also write the report to this JSON file.")
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Also write the report there, as JSON.")
     ] = None,
     json_output: JsonOption = False,
 ) -> None:
-    """Check a sampler and print a table of verdicts. Exit code 1 if one fails."""
+    """Check a sampler against its scattering function. Exit code 1 if a verdict fails."""
     path = sampler / "sampler.json" if sampler.is_dir() else sampler
     loaded = Sampler.from_json(read_text(path, "sampler"), source=str(path))
     function = model_of(loaded, model)
@@ -48,11 +38,10 @@ def command(
         writable_directory(output.parent, make=False)
     with progress_bar(json_output) as progress:
         report = check(loaded, function, strands=counts, samples=samples, seed=seed, progress=progress)
-    text = json.dumps(report.to_dict(), indent=2, allow_nan=False) + "\n"
     if output is not None:
-        write_text(output, text)
+        write_text(output, report.to_json())
     if json_output:
-        print(text, end="")
+        print(report.to_json(), end="")
     else:
         for listing in check_tables(report):
             out.print(listing)

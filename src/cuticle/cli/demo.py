@@ -42,7 +42,7 @@ def command(output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR"
     for listing in tables:
         recorder.print(listing)
     write_text(folder / "check.txt", recorder.export_text())
-    write_text(folder / "check.json", json.dumps(report.to_dict(), indent=2, allow_nan=False) + "\n")
+    write_text(folder / "check.json", report.to_json())
     write_bytes(folder / "densities.png", densities_figure(result.sampler, model))
     with progress_bar(False) as progress:
         reproduced = document(model, printed=Printed.find(), lobes=result, name="document", progress=progress)

@@ -52,7 +52,7 @@ def fit_table(result: Fit) -> Table:
 def verdict_table(title: str, verdicts: Iterable[Verdict]) -> Table:
     """Return verdicts as a table."""
     listing = table(title)
-    for column in ("", "claim", "worst", "limit", "where", "what it means"):
+    for column in ("", "test", "worst", "limit", "where", "what is measured"):
         listing.add_column(column)
     for v in verdicts:
         mark = "[green]pass[/]" if v.passed else "[red]FAIL[/]"

@@ -13,8 +13,7 @@ from cuticle._support.version import __version__
 from cuticle.export.frames import FRAMES, Frame, frame
 from cuticle.export.headers import amalgamate
 from cuticle.export.registry import HOSTS, Export, Job, host
-from cuticle.fitting.fit import MEASURED_AT
-from cuticle.sampling.quality import measure
+from cuticle.sampling.quality import MEASURED_AT, measure
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.bcsdf import Bcsdf, with_strands
 from cuticle.scattering.by_name import model_of

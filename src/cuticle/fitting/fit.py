@@ -20,7 +20,7 @@ from cuticle.fitting.result import Candidate, Fit
 from cuticle.fitting.targets import OBJECTIVES, make_targets
 from cuticle.sampling.families import FAMILIES, NORMAL
 from cuticle.sampling.lobe_table import MAX_LOBES
-from cuticle.sampling.quality import measure
+from cuticle.sampling.quality import MEASURED_AT, measure
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.bcsdf import Bcsdf, check_model, strands_of
 from cuticle.scattering.by_name import provenance
@@ -28,7 +28,6 @@ from cuticle.scattering.by_name import provenance
 FORMS = ("lobes", "document")
 BEST = "best"  # of the families, the one with the highest mean ESS
 SAMPLINGS = (*FORMS, "uniform")  # what a renderer may draw from
-MEASURED_AT = np.radians([-85, -75, -60, -30, 0, 30, 60, 75, 85.0])
 MAX_AUTO_LOBES = 12
 
 

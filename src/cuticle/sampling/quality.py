@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from cuticle._support.quadrature import Grid, adapted_edges, grid
 from cuticle.scattering.bcsdf import Bcsdf, evaluate, is_even, luminance
 
+MEASURED_AT = np.radians([-85, -75, -60, -30, 0, 30, 60, 75, 85.0])  # viewers of a fit, a check and an audit, by default
 _COARSE = (360, 120)
 _FINE = (80, 48)
 _ORDER = 4
@@ -63,6 +64,11 @@ class Quality:
     total_variation: float
 
 
+def effective_sample_size(energy: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return ESS = (∫ f cos)²/∫ (f cos)²/p, from the two integrals; 0 where f is 0."""
+    return np.divide(energy**2, second, out=np.zeros_like(second), where=second > 0)
+
+
 def measure(sampler: Density, model: Bcsdf, theta_r: float, strands: float | None = None) -> Quality:
     """Measure how well a sampler matches a model for one viewer, by quadrature over both angles.
 
@@ -96,7 +102,7 @@ def measure(sampler: Density, model: Bcsdf, theta_r: float, strands: float | Non
     # Where p underflows, f below 1e-15 is a tail that no number of samples sees; a larger f still counts in full.
     floor = np.maximum(p, _LEAST_DENSITY)
     second = np.tensordot(solid_angle, channels**2 / floor[..., None], axes=2)
-    ess = np.divide(energy**2, second, out=np.zeros_like(second), where=second > 0)
+    ess = effective_sample_size(energy, second)
     weight = float(np.max(channels[..., -1] / floor) / energy[-1])
     variation = 0.5 * float((solid_angle * np.abs(channels[..., -1] / energy[-1] - p)).sum())
     error = abs(lower - float(energy[-1]))
