@@ -35,7 +35,7 @@ struct LogisticLobes {
             return Float(Float(7.38905609893065022723) * math::decay(Float(-(x + Float(2)))));
         };
         const Float a = end(Float((mean - lo) * rate)), b = end(Float((hi - mean) * rate)), one = Float(1);
-        const Float mass = math::one_less_decay(Float((hi - lo) * rate));
+        const Float mass = math::one_less_decay(Float((hi - lo) * rate), Float(a * b));
         return {mean, rate, sigma * Float(1 / deviation), a * (one + b), b * (one + a), mass, (one + a) * (one + b)};
     }
 

@@ -27,7 +27,10 @@ template <class Float, int K, class Family = NormalLobes> struct PreparedSampler
         const Float beyond =
             math::min(Float((u_lobe - share) / math::max(rest, Float(smallest<Float>))), Float(1 - .5 * epsilon<Float>));
         const Float u = select(in_first, Float(u_lobe / share), beyond);
-        Sample<Float> s = draw(select_lobe(in_first, first.choose(u), second.choose(u)), u_theta, u_phi, first.even);
+        const ChosenLobe<Float, Family> a = first.choose(u), b = second.choose(u);
+        const ChosenLobe<Float, Family> chosen{select_density<Family, Float>(in_first, a.theta, b.theta),
+                                               select_density<Family, Float>(in_first, a.phi, b.phi)};
+        Sample<Float> s = draw(chosen, u_theta, u_phi, first.even);
         s.pdf = pdf(s.theta_i, s.phi);
         return s;
     }
