@@ -153,3 +153,9 @@ def test_headers_include_one_another_in_one_direction() -> None:
         done.update(free)
         for name in free:
             del needs[name]
+
+
+def test_maths_and_scattering_name_no_pack() -> None:
+    for header in HEADERS:
+        if header.split("/")[1] in ("math", "scattering"):
+            assert not re.search(r"Pack|pack_", (INCLUDE / header).read_text(encoding="utf-8")), header

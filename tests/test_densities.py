@@ -131,3 +131,74 @@ def test_bessel_function(x: float) -> None:
 
     # Peers are 2 % off just below 12; 5e-7 is Abramowitz and Stegun's 1.9e-7 over 0.4.
     assert _core.i0_scaled(x) == pytest.approx(float(i0e(x)), rel=5e-7)
+
+
+@pytest.mark.parametrize("family", _core.lobe_families)
+@pytest.mark.parametrize("even", [True, False])
+def test_tables_of_every_family(family: str, even: bool) -> None:
+    """The core's tables: ∫ pdf, cdf and inverse, samples' pdf, single precision beside double."""
+    ending = "" if family == _core.lobe_families[0] else f"_{family}"
+    lobes = [[0.6, 0.4], [-1.2, 0.5], [3.3 if even else -4.0, 0.9], [0.1, 0.8], [0.5, 40.0]]
+    nodes = np.broadcast_to(np.array(lobes), (1, 2, 5, 2)).copy()
+    table = {kind: getattr(_core, f"Table2{kind}{ending}")(nodes, np.ones((1, 2)), np.zeros(1), even) for kind in ("d", "f")}
+
+    def pdf(theta: np.ndarray, phi: np.ndarray, dtype: type) -> np.ndarray:
+        out = np.empty(theta.size, dtype)
+        own = [np.ascontiguousarray(np.broadcast_to(x, theta.shape), dtype) for x in (theta, 0.3, phi, 0)]
+        table["d" if dtype is np.float64 else "f"].pdf(*own, out)
+        return out
+
+    n = 800
+    middle = (np.arange(n) + 0.5) / n
+    theta, phi = (x.ravel() for x in np.meshgrid(np.pi * (middle - 0.5), 2 * np.pi * (middle - 0.5)))
+    density = pdf(theta, phi, np.float64)
+    assert abs(np.sum(density * np.cos(theta)) * 2 * (np.pi / n) ** 2 - 1) <= 1e-5  # the midpoint rule's own error
+    np.testing.assert_allclose(pdf(theta, phi, np.float32), density, rtol=1e-4, atol=1e-12)
+
+    u, viewer, alone = np.linspace(0.001, 0.999, 99), np.full(1, 0.3), np.zeros(1)
+    for coordinate in (0, 1):
+        for lobe in (0, 1):
+            x, back = np.empty(99), np.empty(99)
+            table["d"].lobe(coordinate, True, lobe, False, u, viewer, alone, x)
+            table["d"].lobe(coordinate, False, lobe, False, x, viewer, alone, back)
+            np.testing.assert_allclose(back, u, atol=1e-9)
+
+    numbers = np.random.default_rng(3).random((5000, 3)).astype(np.float32)
+    drawn = [np.empty(5000, np.float32) for _ in range(3)]
+    table["f"].sample(np.full(5000, 0.3, np.float32), numbers.ravel(), np.zeros(5000, np.float32), *drawn)
+    np.testing.assert_allclose(drawn[2], pdf(drawn[0], drawn[1], np.float64), rtol=1e-3)
+
+
+@pytest.mark.parametrize("family", _core.lobe_families)
+@pytest.mark.parametrize("even", [True, False])
+def test_a_fits_derivatives_of_every_family(family: str, even: bool) -> None:
+    """The gradient of the loss beside its differences."""
+    nodes, weights = np.polynomial.legendre.leggauss(60)
+    theta, d_theta = nodes[None] * np.pi / 2, weights[None] * np.pi / 2
+    phi, d_phi = (nodes[None] + 1) * np.pi / 2, weights[None] * np.pi / 2
+    target = np.exp(-((theta[:, :, None] - 0.2) ** 2)) * (1 + np.cos(phi[:, None]) ** 2)
+    target /= np.sum(target * d_theta[:, :, None] * d_phi[:, None])
+    start = np.array([[0.6, 0.4], [-1.6, 0.5], [3.3, 0.9], [0.4, 0.8], [0.5, 3.0]])
+
+    def loss(parameters: np.ndarray, gradient: np.ndarray, hessian: np.ndarray) -> float:
+        out = np.empty(1)
+        _core.normal_equations(
+            target, theta, d_theta, phi, d_phi, parameters[None], even, out, gradient, hessian, family=family
+        )
+        return float(out[0])
+
+    gradient, hessian = np.empty((1, 10)), np.empty((1, 10, 10))
+    loss(start, gradient, hessian)
+    for i in range(10):
+        step = np.zeros(10)
+        step[i] = 1e-6
+        low, high = (loss(start + s * step.reshape(5, 2), np.empty(0), np.empty(0)) for s in (-1, 1))
+        assert gradient[0, i] == pytest.approx((high - low) / 2e-6, rel=1e-5, abs=1e-7)
+
+
+def test_a_family_that_is_none_is_refused() -> None:
+    x = np.ones((1, 1, 1))
+    with pytest.raises(ValueError, match='no family of lobes is called "cauchy"'):
+        _core.normal_equations(
+            x, x, x, x, x, np.ones((1, 5, 1)), True, np.empty(1), np.empty(0), np.empty(0), family="cauchy"
+        )

@@ -51,7 +51,7 @@ def test_the_program_tests_its_own_samples(brown: cuticle.Sampler, tmp_path: Pat
     run([compiler(), *COMPILE, "main.cpp", "-o", "main"], tmp_path)
     assert "samples follow the pdf" in run(["./main"], tmp_path)
     # And it would say so if they did not: lobes 5 % narrower in the pdf than in the samples.
-    wrong = text.replace("squared = z * z;", "squared = z * z * Both(1.1);")
+    wrong = text.replace("Both(d * both.rate)", "Both(d * both.rate * Both(1.05))")
     assert wrong != text
     (tmp_path / "brown.h").write_text(wrong)
     run([compiler(), *COMPILE, "main.cpp", "-o", "main"], tmp_path)

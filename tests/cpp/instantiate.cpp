@@ -28,7 +28,7 @@ template <class F, class S, class M> struct Use {
         const F all = math::sqrt(x) + math::log(x) + math::sin(x) + math::cos(x) + math::asin(x) + math::abs(x) +
                       math::floor(x) + math::atan2(x, y) + math::copysign(x, y) + math::clamp(x, y, z) + math::sqr(x) +
                       math::polynomial(x, y, z) + math::estrin(x, c) + math::exp(x) + math::decay(x) +
-                      math::one_less_decay(x) + math::wrap_angle(x) + math::cos_theta(x);
+                      math::one_less_decay(x, y) + math::wrap_angle(x) + math::cos_theta(x);
         if constexpr (std::is_same_v<S, float> && !std::is_class_v<M>)
             return all + math::decay_single(x) + math::log_single(x);
         else return all;

@@ -164,14 +164,15 @@ CUTICLE_HD inline float decay(float x) {
 #endif
 }
 
-// 1 - exp(-x) for x >= 0; of small x in single precision with its digits.
-template <class T> CUTICLE_INLINE T one_less_decay(const T &x) {
-    const T whole = T(1) - math::decay(T(-x));
+// 1 - exp(-x) for x >= 0, the exponential being known; of small x in single precision with its digits.
+template <class T> CUTICLE_INLINE T one_less_decay(const T &x, const T &decayed) {
+    const T whole = T(1) - decayed;
     if constexpr (!std::is_same_v<scalar_t<T>, float>) {
         return whole;
     } else {
-        const T few = x * polynomial(x, T(-1.f / 720), T(1.f / 120), T(-1.f / 24), T(1.f / 6), T(-.5f), T(1.f));
-        return select(x < T(.25f), few, whole);
+        const T few =
+            x * polynomial(x, T(1.f / 5040), T(-1.f / 720), T(1.f / 120), T(-1.f / 24), T(1.f / 6), T(-.5f), T(1.f));
+        return select(x < T(.5f), few, whole);
     }
 }
 

@@ -102,7 +102,11 @@ template <class Lanes, class T, int K, class Family> struct LanePoint : LaneSamp
     CUTICLE_INLINE const Lanes &weight(int k) const { return lobes[k].weight; }
     template <class Choice> CUTICLE_INLINE ChosenLobe<Lanes, Family> choose(const Choice &past) const {
         ChosenLobe<Lanes, Family> chosen{lobes[0].theta, lobes[0].phi};
-        for (int k = 1; k < count; ++k) chosen = select_lobe(past(k), {lobes[k].theta, lobes[k].phi}, chosen);
+        for (int k = 1; k < count; ++k) {
+            const auto mask = past(k);
+            chosen = {select_density<Family, Lanes>(mask, lobes[k].theta, chosen.theta),
+                      select_density<Family, Lanes>(mask, lobes[k].phi, chosen.phi)};
+        }
         return chosen;
     }
 

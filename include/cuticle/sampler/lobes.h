@@ -33,11 +33,10 @@ template <class Mask> struct Select {
 };
 }  // namespace detail
 
-template <class Mask, class Float, class Family>
-CUTICLE_INLINE ChosenLobe<Float, Family> select_lobe(const Mask &mask, const ChosenLobe<Float, Family> &a,
-                                                     const ChosenLobe<Float, Family> &b) {
-    const detail::Select<Mask> use{mask};
-    return {DensityOf<Family, Float>::each(use, a.theta, b.theta), DensityOf<Family, Float>::each(use, a.phi, b.phi)};
+template <class Family, class Float, class Mask>
+CUTICLE_INLINE DensityOf<Family, Float> select_density(const Mask &mask, const DensityOf<Family, Float> &a,
+                                                       const DensityOf<Family, Float> &b) {
+    return DensityOf<Family, Float>::each(detail::Select<Mask>{mask}, a, b);
 }
 
 // What a lobe's shape is multiplied by: its weight and the norms of both coordinates, given the products of their rates, of
@@ -163,7 +162,11 @@ template <class Float, int K, class Family = NormalLobes> struct Lobes {
             return {theta(chosen), phi(chosen)};
         } else {
             ChosenLobe<Float, Family> chosen{theta(0), phi(0)};
-            for (int k = 1; k < K; ++k) chosen = select_lobe(u >= below[k - 1], {theta(k), phi(k)}, chosen);
+            for (int k = 1; k < K; ++k) {
+                const auto past = u >= below[k - 1];
+                chosen = {select_density<Family, Float>(past, theta(k), chosen.theta),
+                          select_density<Family, Float>(past, phi(k), chosen.phi)};
+            }
             return chosen;
         }
     }

@@ -36,7 +36,7 @@ struct LogisticLobes {
     CUTICLE_INLINE static Density<Float> make(const Float &mean, const Float &sigma, const Float &lo, const Float &hi) {
         const Float rate = Float(deviation) / sigma;
         const Float a = end(Float((mean - lo) * rate)), b = end(Float((hi - mean) * rate)), one = Float(1);
-        const Float mass = math::one_less_decay(Float((hi - lo) * rate));
+        const Float mass = math::one_less_decay(Float((hi - lo) * rate), Float(a * b));
         return {mean, rate, sigma * Float(1 / deviation), a * (one + b), b * (one + a), mass, (one + a) * (one + b)};
     }
 

@@ -42,7 +42,10 @@ template <class Float, int K, class Family = NormalLobes> struct PreparedSampler
         if (!blended) return first.sample(u_lobe, u_theta, u_phi);
         const auto in_first = u_lobe < share;
         const Float u = within_row(u_lobe, share, rest);
-        Sample<Float> s = draw(select_lobe(in_first, first.choose(u), second.choose(u)), u_theta, u_phi, first.even);
+        const ChosenLobe<Float, Family> a = first.choose(u), b = second.choose(u);
+        const ChosenLobe<Float, Family> chosen{select_density<Family, Float>(in_first, a.theta, b.theta),
+                                               select_density<Family, Float>(in_first, a.phi, b.phi)};
+        Sample<Float> s = draw(chosen, u_theta, u_phi, first.even);
         s.pdf = pdf(s.theta_i, s.phi);
         return s;
     }
