@@ -137,7 +137,7 @@ def test_a_table_goes_the_whole_way(tmp_path: Path) -> None:
     Tabulated(*values(theta_r=VIEWERS[::2], theta=THETA[::2], phi=TURN[::2])).save(tmp_path / "mine.npz")
     done = run("fit", "mine.npz", "-o", "out", "--lobes", "2", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert "Worst channel" in done.stdout
+    assert "ESS of the worst channel" in done.stdout
     sampler = cuticle.Sampler.load(tmp_path / "out/sampler.json")
     assert sampler.about["source"]["path"] == "mine.npz"
     done = run("check", "out", "--samples", "50000", "-o", "out/check.json", cwd=tmp_path)
