@@ -185,10 +185,10 @@ def test_what_a_function_has_not_is_one_line(folder: Path, use_variant: UseVaria
     for given, words in (
         ({"fibre": table, "sigma_a": 1.0}, "sigma_a is not a parameter of this scattering function (Tabulated)"),
         ({"fibre": table, "scale": 2.0}, "scale multiplies a fibre's absorption"),
-        ({"fibre": table, "sampling": "document"}, "sampling document is for a fibre of R, TT and TRT"),
+        ({"fibre": table, "sampling": "document"}, "sampling document needs a fibre of R, TT and TRT"),
         ({"fibre": "brown", "beta_m": 0.3}, "beta_m is not a parameter of this scattering function (Fibre)"),
         ({"beta_m": 0.3}, "a fibre needs its absorption"),
-        ({"fibre": "brown", "near": True}, "near is for Chiang's function"),
+        ({"fibre": "brown", "near": True}, "near needs Chiang's function"),
         ({"beta_m": 0.3, "eumelanin": 1.0, "near": True, "sampling": "uniform"}, "near draws from its own function"),
         ({"fibre": str(folder / "nowhere.npz")}, "nowhere.npz"),
     ):

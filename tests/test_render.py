@@ -291,7 +291,7 @@ def test_command_line_compares(tmp_path: Path) -> None:
     [
         (("nowhere.hair", "-o", "a.png"), "cannot read groom nowhere.hair"),
         (("ball", "-o", "a.gif"), "must end in .exr or .png, got 'a.gif'"),
-        (("ball", "-o", "a.png", "--fibre", "red"), "fibre must be a preset"),
+        (("ball", "-o", "a.png", "--fibre", "red"), "a scattering function must be a preset"),
         (("ball", "-o", "a.png", "--light", "moon"), "light must be one of env, studio, area, point, sun; got 'moon'"),
         (("ball", "-o", "a.png", "--integrator", "magic"), "integrator must be one of path, direct, dual; got 'magic'"),
         (("ball", "-o", "a.png", "--sampling", "best"), "sampling must be one of lobes, document, uniform; got 'best'"),
