@@ -34,7 +34,7 @@ import command
 from cuticle.export.headers import include_dir
 
 LANGUAGES = ("python", "sh", "cpp")
-COMPILE = ("c++", "-std=c++17", "-O1", "-Wall", "-Wextra", "-Werror")
+COMPILE = ("c++", "-std=c++17", "-O0", "-Wall", "-Wextra", "-Werror")
 _BLOCK = re.compile(r"(?:^<!--(?P<mark>[^\n]*)-->\n)?^```(?P<language>\w+)\n(?P<code>.*?)^```$", re.MULTILINE | re.DOTALL)
 _MARK = re.compile(r"(?P<slow>slow)|not run: *(?P<reason>\S.*)|file: *(?P<file>(src/cuticle/\w+|tests)/\w+\.py)|")
 
