@@ -126,7 +126,7 @@ def test_tables_say_what_python_says(variant: str, name: str, folder: Path, use_
         said = ask(mi, bsdf, r, i, u, strands)
         table = function_table(function, counts)
         out = np.empty((count, 3))
-        table._core.eval(i.theta, r.theta, phi, np.zeros(count) if strands is None else strands, out)
+        table.core.eval(i.theta, r.theta, phi, np.zeros(count) if strands is None else strands, out)
         f = out * np.cos(i.theta)[:, None]
         assert np.abs(said.f / f - 1).max() <= 1e-3
         sampler = material.single if strands is None else material.combined
