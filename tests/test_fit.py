@@ -26,6 +26,7 @@ def test_document_fibre_with_eight_lobes(document_model: DualScattering) -> None
         assert beyond >= 0.95
 
 
+@pytest.mark.slow
 def test_smooth_azimuth_with_eight_lobes(sharp_fit: tuple[DualScattering, cuticle.Fit]) -> None:
     for _, mean, worst, _ in sharp_fit[1].summary:
         assert mean >= 0.98
@@ -40,6 +41,7 @@ def test_between_nodes(document_model: DualScattering, document_fit: cuticle.Fit
         assert min(ess) >= 0.96
 
 
+@pytest.mark.slow
 def test_between_nodes_smooth(sharp_fit: tuple[DualScattering, cuticle.Fit]) -> None:
     model, result = sharp_fit
     for n in (0, 0.5, 1.5, 3, 6):

@@ -148,7 +148,7 @@ def test_a_spectrum_of_a_table_has_its_channels(folder: Path, use_variant: UseVa
     np.testing.assert_allclose(said.f[:, [0, 1, 3]], rgb.f[:, ::-1], rtol=1e-5)
 
 
-@pytest.mark.parametrize("integrator", ["path", "dual_scattering"])
+@pytest.mark.parametrize("integrator", [pytest.param("path", marks=pytest.mark.slow), "dual_scattering"])
 def test_a_measured_fibre_is_rendered(integrator: str, folder: Path, use_variant: UseVariant) -> None:
     """A table of Chiang's function and the function itself make the same picture, and light passes through strands."""
     mi = use_variant("scalar_rgb")
@@ -197,6 +197,7 @@ def test_what_a_function_has_not_is_one_line(folder: Path, use_variant: UseVaria
         assert words in str(caught.value)
 
 
+@pytest.mark.slow
 def test_the_command_renders_a_table(folder: Path, use_variant: UseVariant) -> None:
     use_variant("scalar_rgb")
     make_table(folder / "grey.npz", cuticle.Chiang(sigma_a=(0.5,)).eval)

@@ -104,7 +104,7 @@ def test_dual_scattering_in_diffuse_light_is_as_bright_as_paths(fibre: str, use_
         assert np.abs(dual / path - 1).max() <= 0.1  # the target for blond; dark hair is nearer
 
 
-@pytest.mark.parametrize("kind", ["env", "area"])
+@pytest.mark.parametrize("kind", [pytest.param("env", marks=pytest.mark.slow), "area"])
 def test_emitter_and_bsdf_sampling_agree(kind: str, ball: Groom, use_variant: UseVariant) -> None:
     mi = use_variant("scalar_rgb")
     for counter in ("grid", "trace"):

@@ -113,7 +113,7 @@ def test_a_lobes_cdfs_and_inverses(document_fit: cuticle.Fit) -> None:
     assert sampler.mixture(0.7, 0.5).weight.sum() == pytest.approx(1)
 
 
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("dtype", [np.float32, pytest.param(np.float64, marks=pytest.mark.slow)])
 def test_random_inputs_give_nothing_that_is_not_a_density(dtype: type, document_fit: cuticle.Fit) -> None:
     """1e8 in single, 1e7 in double precision: no NaN, no negative pdf, no sample off the domain, edges included."""
     samplers = [

@@ -37,8 +37,8 @@ def test_a_fibres_own_function_gives_what_its_lobes_give(pair: tuple[DualScatter
             assert (np.abs(a - b) * COSINES).sum() < limit * (a * COSINES).sum(), (n, np.degrees(theta_r))
     # The energy is one and the same, whatever the inclination: both take it from the same averages. What is left is the
     # quadrature's and the tables' error, 0.5 % at most.
-    for theta_r in np.radians([-75, -45, 0, 60, 80]):
-        for n in (0, 1, 4, 8):
+    for theta_r in np.radians([-75, 0, 80]):
+        for n in (1, 8):
             mine, theirs = (energy(m.with_strands(n), theta_r) for m in (ours, dual))
             np.testing.assert_allclose(mine, theirs, rtol=0.01, err_msg=f"{n} strands, {np.degrees(theta_r):g}°")
 
