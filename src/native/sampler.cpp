@@ -28,14 +28,6 @@ double kernel_cost(const In<float> &x) {
     });
 }
 
-// A direction on the uniform sphere with its pdf.
-double uniform_cost(const In<float> &u) {
-    return nanoseconds(u.size() / 3, [&](std::size_t i) {
-        const float *r = u.data() + 3 * i;
-        return std::asin(2 * r[1] - 1) + cuticle::pi<float> * (2 * r[2] - 1) + .0795774715f;
-    });
-}
-
 // The first value outside [lo, hi] (a NaN is), or -1. Half-open on the right if asked.
 template <class Float> long first_outside(const In<Float> &x, double lo, double hi, bool open) {
     const std::size_t n = x.size();
@@ -103,7 +95,6 @@ void bind_sampler(nb::module_ &m) {
     });
     m.attr("lobe_families") = nb::tuple(names);
     m.def("kernel_cost", &kernel_cost, nb::call_guard<nb::gil_scoped_release>());
-    m.def("uniform_cost", &uniform_cost, nb::call_guard<nb::gil_scoped_release>());
     m.def("histogram", &histogram<float>, nb::arg().noconvert(), nb::arg().noconvert(), nb::arg(), nb::arg(), nb::arg(),
           nb::call_guard<nb::gil_scoped_release>());
     m.def("histogram", &histogram<double>, nb::arg().noconvert(), nb::arg().noconvert(), nb::arg(), nb::arg(), nb::arg(),
