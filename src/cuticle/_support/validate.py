@@ -59,6 +59,13 @@ def integer(name: str, value: Any, low: int, high: int, *, remedy: str = "") -> 
     return int(value)
 
 
+def flag(name: str, value: Any) -> bool:
+    """Return `value` if it is True or False."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise TypeError(f"{name} must be true or false, got {value!r}")
+    return bool(value)
+
+
 def choice(name: str, value: Any, allowed: Iterable[str]) -> str:
     """Return `value` if it is one of `allowed`."""
     options = list(allowed)

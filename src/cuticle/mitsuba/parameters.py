@@ -1,0 +1,86 @@
+"""The parameters of the BSDF `cuticle`, checked at the door."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mitsuba as mi
+from pydantic import BaseModel, ConfigDict
+
+from cuticle._support import validate
+from cuticle.fitting.fit import SAMPLINGS
+from cuticle.sampling.lobe_table import MAX_LOBES
+from cuticle.scattering.chiang import Chiang
+from cuticle.scattering.fibre import Fibre
+from cuticle.scattering.presets import PRESETS
+
+
+class Parameters(BaseModel):
+    """What a scene asks of the BSDF, each value in its range.
+
+    Attributes
+    ----------
+    fibre
+        The name of a scattering function; None if the others define it.
+    filename
+        The path of a fitted sampler, found as Mitsuba finds files.
+    near
+        Whether the near field of Chiang's function is asked for.
+    strands
+        Whether a function of one strand is to be put among strands.
+    sampling, lobes, direct_share
+        How directions are drawn.
+    own
+        The parameters of a `Fibre` or a `Chiang` that the scene sets itself.
+
+    Raises
+    ------
+    ValueError, TypeError
+        One line: the parameter, its range, the value received.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    fibre: str | None
+    filename: str | None
+    near: bool
+    strands: bool
+    sampling: str
+    lobes: int
+    direct_share: float
+    own: dict[str, Any]
+
+    def __init__(self, **given: Any) -> None:
+        for name in given:
+            if name not in _NAMES and name not in _OWN:
+                raise ValueError(f"cuticle has no parameter {name!r}; it has {', '.join(_NAMES)}, or a fibre's own")
+        own = {name: _plain(given[name]) for name in _OWN if name in given}
+        near = validate.flag("near", given.get("near", False))
+        super().__init__(
+            fibre=_name(str(given["fibre"])) if "fibre" in given else None,
+            filename=_path(str(given["filename"])) if "filename" in given else None,
+            near=near,
+            strands=validate.flag("strands", given.get("strands", False)) and not near,
+            sampling=validate.choice("sampling", given.get("sampling", "lobes"), SAMPLINGS),
+            lobes=validate.integer("lobes", given.get("lobes", 4), 1, MAX_LOBES // 2),
+            direct_share=validate.number("direct_share", given.get("direct_share", 0.5), 0.01, 0.99),
+            own=own,
+        )
+
+
+_OWN = dict.fromkeys((*Fibre.model_fields, *sorted(Chiang.model_fields)))
+_NAMES = (*(name for name in Parameters.model_fields if name != "own"), "scale")
+
+
+def _name(name: str) -> str:
+    return name if name in PRESETS else _path(name)
+
+
+def _path(name: str) -> str:
+    """A file as Mitsuba finds it, beside the scene, too; what is no file stays as it is."""
+    return str(mi.file_resolver().resolve(name))
+
+
+def _plain(value: Any) -> Any:
+    """A plugin's parameter as a fibre takes it: colours and vectors become lists."""
+    return value if isinstance(value, (str, int, float)) else [float(x) for x in value]
