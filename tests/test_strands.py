@@ -23,7 +23,9 @@ def energy(model: object, theta_r: float) -> np.ndarray:
     return (f * COSINES).sum(axis=(0, 1))
 
 
-@pytest.fixture(scope="module", params=["blond", "brown", "black"])
+@pytest.fixture(
+    scope="module", params=["blond", *(pytest.param(name, marks=pytest.mark.slow) for name in ("brown", "black"))]
+)
 def pair(request: pytest.FixtureRequest) -> tuple[DualScattering, Strands]:
     dual = DualScattering(Fibre.preset(request.param))
     return dual, Strands(dual.single)

@@ -39,18 +39,14 @@ template <class Float, int K, class Family> struct Table {
                 std::size_t stop = i + 1;
                 while (stop < end && tr[stop] == t && ns[stop] == strands) ++stop;
                 const auto sampler = cuticle::prepare(view, t, strands);
-                if (stop == i + 1) body(i, sampler);  // a run of one: no loop, nothing need leave the registers
-                else
-                    for (std::size_t j = i; j < stop; ++j) body(j, sampler);
-                i = stop;
+                for (; i < stop; ++i) body(i, sampler);
             }
         });
     }
 
-    // Whether vectors of directions pay: where every direction has a viewer or a count of its own.
-    static bool in_lanes(const In<Float> &theta_r, const In<Float> &n) {
-        return std::is_same_v<Float, float> && (theta_r.size() > 1 || n.size() > 1);
-    }
+    // Floats go in vectors where every direction has a viewer or a count of its own.
+    static constexpr bool has_lanes = std::is_same_v<Float, float>;
+    static bool in_lanes(const In<Float> &theta_r, const In<Float> &n) { return theta_r.size() > 1 || n.size() > 1; }
     // body(begin, count) for blocks that fit the cache.
     static constexpr std::size_t block = 256;
     template <class Body> static void blocks(std::size_t count, const Body &body) {
@@ -62,36 +58,38 @@ template <class Float, int K, class Family> struct Table {
     void pdf(const In<Float> &theta_i, const In<Float> &theta_r, const In<Float> &phi, const In<Float> &n,
              Out<Float> out) const {
         const auto ti = broadcast(theta_i), ph = broadcast(phi);
-        if (in_lanes(theta_r, n)) {
-            const auto tr = broadcast(theta_r), ns = broadcast(n);
-            blocks(out.size(), [&](std::size_t begin, std::size_t count) {
-                Float x[4][block];
-                for (std::size_t i = 0; i < count; ++i) {
-                    const std::size_t j = begin + i;
-                    x[0][i] = ti[j], x[1][i] = tr[j], x[2][i] = ph[j], x[3][i] = ns[j];
-                }
-                cuticle::pdf_batch(view, count, x[0], x[1], x[2], x[3], n.size() > 1, out.data() + begin);
-            });
-            return;
-        }
+        if constexpr (has_lanes)
+            if (in_lanes(theta_r, n)) {
+                const auto tr = broadcast(theta_r), ns = broadcast(n);
+                blocks(out.size(), [&](std::size_t begin, std::size_t count) {
+                    Float x[4][block];
+                    for (std::size_t i = 0; i < count; ++i) {
+                        const std::size_t j = begin + i;
+                        x[0][i] = ti[j], x[1][i] = tr[j], x[2][i] = ph[j], x[3][i] = ns[j];
+                    }
+                    cuticle::pdf_batch(view, count, x[0], x[1], x[2], x[3], n.size() > 1, out.data() + begin);
+                });
+                return;
+            }
         each(out.size(), theta_r, n, [&](std::size_t i, const auto &s) { out.data()[i] = s.pdf(ti[i], ph[i]); });
     }
 
     void sample(const In<Float> &theta_r, const In<Float> &u, const In<Float> &n, Out<Float> theta_i, Out<Float> phi,
                 Out<Float> p) const {
-        if (in_lanes(theta_r, n)) {
-            const auto tr = broadcast(theta_r), ns = broadcast(n);
-            blocks(p.size(), [&](std::size_t begin, std::size_t count) {
-                Float x[5][block];
-                for (std::size_t i = 0; i < count; ++i) {
-                    const Float *r = u.data() + 3 * (begin + i);
-                    x[0][i] = tr[begin + i], x[1][i] = r[0], x[2][i] = r[1], x[3][i] = r[2], x[4][i] = ns[begin + i];
-                }
-                cuticle::sample_batch(view, count, x[0], x[1], x[2], x[3], x[4], n.size() > 1, theta_i.data() + begin,
-                                      phi.data() + begin, p.data() + begin);
-            });
-            return;
-        }
+        if constexpr (has_lanes)
+            if (in_lanes(theta_r, n)) {
+                const auto tr = broadcast(theta_r), ns = broadcast(n);
+                blocks(p.size(), [&](std::size_t begin, std::size_t count) {
+                    Float x[5][block];
+                    for (std::size_t i = 0; i < count; ++i) {
+                        const Float *r = u.data() + 3 * (begin + i);
+                        x[0][i] = tr[begin + i], x[1][i] = r[0], x[2][i] = r[1], x[3][i] = r[2], x[4][i] = ns[begin + i];
+                    }
+                    cuticle::sample_batch(view, count, x[0], x[1], x[2], x[3], x[4], n.size() > 1, theta_i.data() + begin,
+                                          phi.data() + begin, p.data() + begin);
+                });
+                return;
+            }
         each(p.size(), theta_r, n, [&](std::size_t i, const auto &s) {
             const Float *r = u.data() + 3 * i;
             const auto drawn = s.sample(r[0], r[1], r[2]);
@@ -143,13 +141,12 @@ template <class Float, int K, class Family> struct Table {
 template <class Float, int K, class Family> void bind(nb::module_ &m, const std::string &ending) {
     using T = Table<Float, K, Family>;
     using release = nb::call_guard<nb::gil_scoped_release>;
-    nb::class_<T>(m, ("Table" + std::to_string(K) + ending).c_str())
-        .def(nb::init<const In<double> &, const In<double> &, const In<double> &, bool>())
+    nb::class_<T> table(m, ("Table" + std::to_string(K) + ending).c_str());
+    table.def(nb::init<const In<double> &, const In<double> &, const In<double> &, bool>())
         .def("pdf", &T::pdf, release())
-        .def("sample", &T::sample, release())
-        .def("sample_cost", &T::sample_cost, release())
-        .def("lobe", &T::lobe, release())
-        .def("mixture", &T::mixture, release());
+        .def("sample", &T::sample, release());
+    if constexpr (std::is_same_v<Float, float>) table.def("sample_cost", &T::sample_cost, release());
+    else table.def("lobe", &T::lobe, release()).def("mixture", &T::mixture, release());
 }
 
 template <class Float, class Family> void bind_sizes(nb::module_ &m, const std::string &ending) {
