@@ -49,6 +49,13 @@ def test_all_that_is_compiled_runs(name: str, compiler: str, tmp_path: Path) -> 
     program(name, compiler, tmp_path, "-DWHOLE", {"g++": "-O1", "clang++": "-O0"}[compiler], *flags)
 
 
+# Nothing is assumed of an argument: the bits of a float may be any.
+@pytest.mark.slow
+def test_any_bits_are_read_within_bounds(tmp_path: Path) -> None:
+    checks = "address,undefined,float-cast-overflow"
+    program("total", "g++", tmp_path, "-O0", "-DCOUNT=20000", f"-fsanitize={checks}", f"-fno-sanitize-recover={checks}")
+
+
 def drjit_flags() -> list[str]:
     found = importlib.util.find_spec("drjit")
     if found is None or found.submodule_search_locations is None:

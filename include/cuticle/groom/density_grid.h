@@ -130,7 +130,7 @@ CUTICLE_HD Float count_strands(const DensityGrid<Scalar, Memory> &grid, const Fl
         apart[a] = select(still, zero, Float(width * math::abs(slow[a])));
         const Float out = walk.next[a] + select(back, cell, Float(last - cell)) * apart[a];
         end = math::min(end, select(still, far, Float(out * Float(1 - 1e-4))));
-        walk.first = walk.first + Traits::to_index(cell) * Index(stride);
+        walk.first = walk.first + index_below(cell, grid.size[a] - 1) * Index(stride);
         step[a] = select(back, Index(-stride), Index(stride));
         stride *= grid.size[a];
     }

@@ -131,7 +131,8 @@ template <int N, class T> CUTICLE_INLINE T estrin(const T &x, const T (&c)[N]) {
 
 // 2^n for the integer n nearest to t <= 0, and n itself.
 CUTICLE_HD inline float round_power(const float &t, float &rounded) {
-    const std::int32_t n = static_cast<std::int32_t>(t - .5f);
+    const float held = t > -127.f ? t : -127.f;  // so is NaN
+    const std::int32_t n = static_cast<std::int32_t>((held < 127.f ? held : 127.f) - .5f);
     rounded = static_cast<float>(n);
     const std::uint32_t bits = static_cast<std::uint32_t>(n + 127) << 23;
     float power;
@@ -269,13 +270,24 @@ template <class Float> struct Place {
     Float t;
 };
 
-// Among `count` nodes at 0, 1, ...; what lies outside is held to the ends.
+// Whether a lane lies outside [lo, hi]; NaN does.
+template <class T> CUTICLE_INLINE bool any_outside(const T &x, const T &lo, const T &hi) {
+    return ArrayTraits<T>::any(select(x >= lo, select(x <= hi, T(0), T(1)), T(1)) > T(0));
+}
+
+// The whole number at or below x, held to [0, last] whatever bits x has: every look-up in a table goes through here.
+// Compared in this order, NaN gives 0. The integers are held as well: where a compiler assumes that there is no NaN
+// (-ffast-math, a shader's) it may compare the other way round.
+template <class Float> CUTICLE_INLINE typename ArrayTraits<Float>::Index index_below(const Float &x, int last) {
+    using Index = typename ArrayTraits<Float>::Index;
+    const Float held = math::min(math::max(Float(0), x), Float(last));
+    return math::min(math::max(Index(0), ArrayTraits<Float>::to_index(held)), Index(last));
+}
+
+// Among `count` nodes at 0, 1, ...; what lies outside is held to the ends, and NaN stays NaN in the fraction.
 template <class Float> CUTICLE_INLINE Place<Float> locate_node(const Float &place, int count) {
-    using Traits = ArrayTraits<Float>;
-    using Index = typename Traits::Index;
-    const Float x = math::clamp(place, Float(0), Float(count - 1));
-    const Index node = math::min(Traits::to_index(x), Index(count - 2));
-    return {node, x - Float(node)};
+    const auto node = index_below(place, count - 2);
+    return {node, math::clamp(Float(place - Float(node)), Float(0), Float(1))};
 }
 
 }  // namespace cuticle

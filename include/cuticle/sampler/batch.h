@@ -134,7 +134,7 @@ CUTICLE_INLINE void each_group(const LobeTable<T, K, const T *, Family> &table, 
             body(i, n, LaneMixture<Lanes, K, Family>(values, table.even));
         });
     groups<Lanes>(count, [&](std::size_t i, int n) {
-        const ThetaPosition<Lanes> at = locate_theta(table, read<Lanes>(theta_r + i, n));
+        const Place<Lanes> at = locate_theta(table, read<Lanes>(theta_r + i, n));
         const RowPosition<Lanes> rows = locate_row(table, each ? read<Lanes>(strands + i, n) : Lanes(strands[0]));
         if (is_blended(table, rows)) return body(i, n, prepare_blended(table, at, rows));
         const LobeValues<Lanes, K> values = values_at(table, at, rows);

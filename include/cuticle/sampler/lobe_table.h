@@ -31,26 +31,13 @@ CUTICLE_INLINE Pack<Float, N> load(const Memory &memory, const Index &index) {
     }
 }
 
-// Where theta_r falls.
-template <class Float> struct ThetaPosition {
-    typename ArrayTraits<Float>::Index node;
-    Float t;  // fraction towards node + 1
-};
-
-// Among equal cells from -pi/2 to pi/2.
-template <class Float> CUTICLE_INLINE ThetaPosition<Float> locate_cell(int cells, const Float &theta_r) {
-    using Index = typename ArrayTraits<Float>::Index;
-    const Float last = Float(cells);
-    // Just below the last node, so that there is one after it. In this order what is no number reads the first node, and
-    // stays none by its fraction.
-    const Float x = math::min(math::max(Float(0), Float((theta_r * Float(1 / pi<double>) + Float(.5)) * last)),
-                              Float(last * Float(1 - epsilon<Float>)));
-    const Index node = ArrayTraits<Float>::to_index(x);
-    return {node, Float((x - Float(node)) + Float(0) * theta_r)};
+// Where theta_r falls among equal cells from -pi/2 to pi/2.
+template <class Float> CUTICLE_INLINE Place<Float> locate_cell(int cells, const Float &theta_r) {
+    return locate_node(Float((theta_r * Float(1 / pi<double>) + Float(.5)) * Float(cells)), cells + 1);
 }
 
 template <class Float, class Scalar, int K, class Memory, class Family>
-CUTICLE_INLINE ThetaPosition<Float> locate_theta(const LobeTable<Scalar, K, Memory, Family> &table, const Float &theta_r) {
+CUTICLE_INLINE Place<Float> locate_theta(const LobeTable<Scalar, K, Memory, Family> &table, const Float &theta_r) {
     return locate_cell(table.theta_nodes - 1, theta_r);
 }
 
@@ -77,7 +64,7 @@ CUTICLE_INLINE RowPosition<Count> locate_row(const LobeTable<Scalar, K, Memory, 
     const auto blend = strands < (from_none ? Count(table.strands[1]) : Count(0));
     // A branch, not a division on the way to every load: counts are whole more often than not.
     Count s = Count(0);
-    if (several && ArrayTraits<Count>::any(strands > count.low)) s = count_fraction(blend, count.low, count.high, strands);
+    if (several && any_outside(strands, Count(0), count.low)) s = count_fraction(blend, count.low, count.high, strands);
     return {count.row, s, blend};
 }
 
@@ -148,7 +135,7 @@ CUTICLE_INLINE bool interpolate_lanes(const float *const &data, const PackIndex<
 template <class Float, class Scalar, int K, class Memory, class Family>
 CUTICLE_INLINE LobeValues<Float, K> interpolate_theta(const LobeTable<Scalar, K, Memory, Family> &table,
                                                       const typename ArrayTraits<Float>::Index &row,
-                                                      const ThetaPosition<Float> &at) {
+                                                      const Place<Float> &at) {
     using Index = typename ArrayTraits<Float>::Index;
     static_assert(lobe_weight == 0 && lobe_mean_theta == 1 && lobe_mean_phi == 2 && lobe_sigma_theta == 3);
     constexpr int size = lobe_parameters * K;
@@ -166,12 +153,12 @@ CUTICLE_INLINE LobeValues<Float, K> interpolate_theta(const LobeTable<Scalar, K,
 
 // The lobes' parameters where no two rows' densities are mixed: on a row, the usual case, nothing else is touched.
 template <class Float, class Count, class Scalar, int K, class Memory, class Family>
-CUTICLE_INLINE LobeValues<Float, K> values_at(const LobeTable<Scalar, K, Memory, Family> &table,
-                                              const ThetaPosition<Float> &at, const RowPosition<Count> &rows) {
+CUTICLE_INLINE LobeValues<Float, K> values_at(const LobeTable<Scalar, K, Memory, Family> &table, const Place<Float> &at,
+                                              const RowPosition<Count> &rows) {
     using Traits = ArrayTraits<Count>;
     using Index = typename ArrayTraits<Float>::Index;
     using Row = typename Traits::Index;
-    const bool on_lower = !Traits::any(rows.s > Count(0)), on_upper = !Traits::any(rows.s < Count(1));
+    const bool on_lower = !any_outside(rows.s, Count(0), Count(0)), on_upper = !any_outside(rows.s, Count(1), Count(1));
     const Row next = rows.row + Row(1);
     LobeValues<Float, K> values = interpolate_theta(table, Index(on_upper ? next : rows.row), at);
     if (!(table.rows == 1 || on_lower || on_upper))

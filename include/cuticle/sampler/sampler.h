@@ -52,8 +52,8 @@ template <class Float, int K, class Family = NormalLobes> struct PreparedSampler
 };
 
 template <class Float, class Count, class Scalar, int K, class Memory, class Family>
-CUTICLE_INLINE Lobes<Float, K, Family> lobes_at(const LobeTable<Scalar, K, Memory, Family> &table,
-                                                const ThetaPosition<Float> &at, const RowPosition<Count> &rows) {
+CUTICLE_INLINE Lobes<Float, K, Family> lobes_at(const LobeTable<Scalar, K, Memory, Family> &table, const Place<Float> &at,
+                                                const RowPosition<Count> &rows) {
     const LobeValues<Float, K> values = values_at(table, at, rows);
     Lobes<Float, K, Family> lobes;
     lobes.set(values.weight, values.mean, values.sigma, table.even);
@@ -62,8 +62,7 @@ CUTICLE_INLINE Lobes<Float, K, Family> lobes_at(const LobeTable<Scalar, K, Memor
 
 template <class Float, class Scalar, int K, class Memory, class Family>
 CUTICLE_HD PreparedSampler<Float, K, Family> prepare_blended(const LobeTable<Scalar, K, Memory, Family> &table,
-                                                             const ThetaPosition<Float> &at,
-                                                             const RowPosition<Float> &rows) {
+                                                             const Place<Float> &at, const RowPosition<Float> &rows) {
     using Traits = ArrayTraits<Float>;
     using Index = typename Traits::Index;
     const LobeValues<Float, K> lower = interpolate_theta(table, rows.row, at);
@@ -87,7 +86,7 @@ CUTICLE_HD PreparedSampler<Float, K, Family> prepare_blended(const LobeTable<Sca
 template <class Float, class Scalar, int K, class Memory, class Family>
 CUTICLE_INLINE PreparedSampler<Float, K, Family> prepare(const LobeTable<Scalar, K, Memory, Family> &table,
                                                          const Float &theta_r, const Float &strands) {
-    const ThetaPosition<Float> at = locate_theta(table, theta_r);
+    const Place<Float> at = locate_theta(table, theta_r);
     const RowPosition<Float> rows = locate_row(table, strands);
     if (is_blended(table, rows)) return prepare_blended(table, at, rows);
     PreparedSampler<Float, K, Family> out;
@@ -102,7 +101,7 @@ CUTICLE_INLINE PreparedSampler<Float, K, Family> prepare(const LobeTable<Scalar,
 template <class Float, class Scalar, int K, class Memory, class Family>
 CUTICLE_INLINE Float pdf(const LobeTable<Scalar, K, Memory, Family> &table, const Float &theta_i, const Float &theta_r,
                          const Float &phi, const Float &strands) {
-    const ThetaPosition<Float> at = locate_theta(table, theta_r);
+    const Place<Float> at = locate_theta(table, theta_r);
     const RowPosition<Float> rows = locate_row(table, strands);
     if (is_blended(table, rows)) return prepare_blended(table, at, rows).pdf(theta_i, phi);
     return lobes_at(table, at, rows).pdf(theta_i, phi);
@@ -111,7 +110,7 @@ CUTICLE_INLINE Float pdf(const LobeTable<Scalar, K, Memory, Family> &table, cons
 template <class Float, class Scalar, int K, class Memory, class Family>
 CUTICLE_INLINE Sample<Float> sample(const LobeTable<Scalar, K, Memory, Family> &table, const Float &theta_r,
                                     const Float &u_lobe, const Float &u_theta, const Float &u_phi, const Float &strands) {
-    const ThetaPosition<Float> at = locate_theta(table, theta_r);
+    const Place<Float> at = locate_theta(table, theta_r);
     const RowPosition<Float> rows = locate_row(table, strands);
     if (is_blended(table, rows)) return prepare_blended(table, at, rows).sample(u_lobe, u_theta, u_phi);
     return lobes_at(table, at, rows).sample(u_lobe, u_theta, u_phi);

@@ -184,11 +184,10 @@ template <class Scalar> struct AbsorptionRange {
 
 template <class Float, class Scalar>
 CUTICLE_HD ChannelBetween<Float> locate(const AbsorptionRange<Scalar> &range, const Float &sigma_a) {
-    using Traits = ArrayTraits<Float>;
-    using Index = typename Traits::Index;
+    using Index = typename ArrayTraits<Float>::Index;
     const double log_ratio = math::log(static_cast<double>(range.ratio));
     const Float steps = math::log(math::max(Float(sigma_a / Float(range.low)), Float(1))) * Float(1 / log_ratio);
-    const Index k = math::min(Traits::to_index(steps), Index(range.count - 2));
+    const Index k = index_below(steps, range.count - 2);
     const Float below = Float(range.low) * math::exp(Float(Float(k) * Float(log_ratio)));
     const Float t = (sigma_a / below - Float(1)) * Float(1 / (static_cast<double>(range.ratio) - 1));
     return {Index(k + Index(range.first)), t};

@@ -86,7 +86,7 @@ template <class Float> struct Arrival {
 // A Poisson number N of mean τ: E[a^N g(N)] = exp(τ (a - 1)) E[g(N')], N' Poisson's of mean τ a; `count` and `variance` are
 // those of N' >= 1.
 template <class Float> CUTICLE_HD Arrival<Float> arrival(const Surroundings<Float> &around, const Float &a_f) {
-    const Float n = around.strands;
+    const Float n = math::max(around.strands, Float(0));
     if (around.random) {
         const Float lit = math::decay(Float(-n)), mean = n * a_f, none = math::decay(Float(-mean));
         const Float through = math::max(Float(math::decay(Float(mean - n)) - lit), Float(0));

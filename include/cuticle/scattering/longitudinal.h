@@ -39,8 +39,8 @@ template <class Float> CUTICLE_HD Float energy_conserving_m(const Float &theta_i
     const Float past = math::cos(Float(Float(.5) * (theta_i + theta_cone)));
     const Float half = math::sin(Float(Float(.5) * (theta_i - theta_cone)));
     const Float distance = select(product < Float(0), past, half);
-    const Float decay = Float(1) - math::decay(Float(Float(-2) / v));
-    return math::decay(Float(Float(-2) * distance * distance / v)) * i0_scaled(x) / (v * decay);
+    const Float over = Float(2) / v, left = math::one_less_decay(over, Float(math::decay(Float(-over))));
+    return math::decay(Float(-over * distance * distance)) * i0_scaled(x) / (v * left);
 }
 
 // A lobe's longitudinal part as it multiplies N in f, for shift alpha and variance (both in theta_h):

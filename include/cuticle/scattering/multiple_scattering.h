@@ -78,7 +78,7 @@ template <class Float> CUTICLE_HD Float reflected(const Float &all, const Float 
 // A Poisson number of strands stands behind, `behind` on average: q^m enters by its mean, exp(behind (q - 1)).
 template <class Float> CUTICLE_HD Stack<Float> stack(const Averages<Float> &a, const Float &behind) {
     const Float all = a.a_b + a.back_energy, inner = Float(1) - a.a_b * all, pass = a.a_f / inner, q = pass * pass;
-    const Float x = math::decay(math::min(Float(behind * (q - Float(1))), Float(0)));
+    const Float x = math::min(math::decay(math::min(Float(behind * (q - Float(1))), Float(0))), Float(1));
     const Float beyond = reflected(all, x);
     // ā_f² R_m/(1 - ā_b R_m) over A_b = ā_f² R/(1 - ā_b R)
     return {all, reflected(all, Float(q * x)), pass, beyond / all * inner / (Float(1) - a.a_b * beyond)};

@@ -32,11 +32,15 @@ CUTICLE_INLINE PackIndex<N> select(const PackMask<T, N, B> &mask, const PackInde
     return r;
 }
 
-template <int N> CUTICLE_INLINE PackIndex<N> min(const PackIndex<N> &a, const PackIndex<N> &b) {
-    PackIndex<N> r;
-    for (int i = 0; i < N; ++i) r.v[i] = b.v[i] < a.v[i] ? b.v[i] : a.v[i];
-    return r;
-}
+#define CUTICLE_INDEX_CHOICE(name, op)                                                                \
+    template <int N> CUTICLE_INLINE PackIndex<N> name(const PackIndex<N> &a, const PackIndex<N> &b) { \
+        PackIndex<N> r;                                                                               \
+        for (int i = 0; i < N; ++i) r.v[i] = b.v[i] op a.v[i] ? b.v[i] : a.v[i];                      \
+        return r;                                                                                     \
+    }
+CUTICLE_INDEX_CHOICE(min, <)
+CUTICLE_INDEX_CHOICE(max, >)
+#undef CUTICLE_INDEX_CHOICE
 
 #if CUTICLE_NATIVE_SHUFFLE
 namespace detail {
