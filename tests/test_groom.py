@@ -15,7 +15,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from command import run
+from command import run, run_program
 from cuticle.grooms import readers
 from cuticle.grooms.groom import Groom, join_grooms, read_groom
 from cuticle.grooms.procedural import hair_ball, hair_head, wavy_lock
@@ -174,10 +174,46 @@ def test_alembic_says_what_it_needs(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         read_groom(tmp_path / "a.abc")
 
 
-def test_strands_of_one_point_are_left_out(tmp_path: Path) -> None:
-    data = struct.pack("<ii3fi6f", 2, 1, 0, 0, 0, 2, 1, 1, 1, 2, 2, 2)
-    (tmp_path / "a.data").write_bytes(data)
-    assert read_groom(tmp_path / "a.data").counts.tolist() == [2]
+# Strands: one point; four points without length; a root and a tip given twice, steps that single precision loses; whole.
+DEGENERATE = [
+    [[0, 0, 0]],
+    [[1, 1, 1]] * 4,
+    [[0, 0, 0], [0, 0, 0], [0, 1, 0], [3000, 1, 0], [3000, 1, 1e-4], [3000, 1, 1e-4]],
+    [[0, 0, 0], [0, 1e-30, 0], [0, 1e-30, 0]],
+    [[0, 0, 0], [0, 2, 0], [0, 1, 0], [0, 2, 0]],
+]
+
+
+@pytest.mark.parametrize("source", ["file", "array"])
+def test_repeated_points_and_strands_of_no_length_are_left_out(tmp_path: Path, source: str) -> None:
+    strands = [np.array(s, np.float32) for s in (DEGENERATE if source == "file" else DEGENERATE[1:])]
+    points, counts = np.concatenate(strands), [len(s) for s in strands]
+    lost = len(strands) - 2
+    parts = [struct.pack("<i", len(s)) + s.astype("<f4").tobytes() for s in strands]
+    (tmp_path / "a.data").write_bytes(struct.pack("<i", len(strands)) + b"".join(parts))
+    offsets, radius = np.cumsum([0, *counts]), np.arange(len(points))
+    with pytest.warns(UserWarning, match=rf"left out 3 repeated points and {lost} strands of no length$") as told:
+        found = read_groom(tmp_path / "a.data") if source == "file" else Groom(points, offsets, radius)
+    assert len(told) == 1
+    assert found.counts.tolist() == [3, 4]
+    np.testing.assert_array_equal(found.points, [[0, 0, 0], [0, 1, 0], [3000, 1, 0], *DEGENERATE[-1]])
+    if source == "array":  # the radius stays with its point
+        assert found.radius.tolist() == [4, 6, 7, 13, 14, 15, 16]
+    assert (np.linalg.norm(np.diff(found.points, axis=0), axis=1) > 0).all()
+
+
+def test_a_groom_with_a_strand_of_no_length_renders(data: Path, tmp_path: Path) -> None:
+    options = ("--integrator", "path", "--spp", "4", "--width", "48", "-o", "a.exr")
+    done = run_program("render", str(data / "field" / "zero.hair"), *options, cwd=tmp_path)
+    assert done.returncode == 0, done
+    assert done.stderr.splitlines() == [f"cuticle: {data / 'field' / 'zero.hair'}: left out 1 strand of no length"]
+    import mitsuba as mi
+
+    if mi.variant() is None:
+        mi.set_variant("scalar_rgb")
+    picture = np.array(mi.Bitmap(str(tmp_path / "a.exr")))
+    assert np.isfinite(picture).all()
+    assert picture[..., :3].max() > 0
 
 
 # A file that is cut short or lies.
@@ -232,7 +268,8 @@ def test_help_messages_and_docs_know_every_reader(monkeypatch: pytest.MonkeyPatc
         ("a.txt", lambda g: b"\xff\xfe", "is not UTF-8 text"),
         ("a.txt", lambda g: b"1 2 3 4\n", "no strand has 2 points"),
         ("a.txt", lambda g: b"1 2 nan 4\n1 2 3 4\n", "point 0 is"),
-        ("a.txt", lambda g: b"1 2 3 -4\n1 2 3 4\n", "radius must be finite and at least 0"),
+        ("a.txt", lambda g: b"0 0 0 1\n1e20 0 0 1\n", r"a\.txt: points must be finite numbers within ±1e\+09, point 1 is"),
+        ("a.txt", lambda g: b"1 2 3 -4\n1 2 4 4\n", "radius must be finite and at least 0"),
         ("a.abc", lambda g: b"", "is not an Alembic archive: bytes 0 to 5 are b''"),
         ("a.abc", lambda g: b"\x89HDF\r\n\x1a\n" + bytes(16), "in HDF5"),
         ("a.abc", lambda g: b"Ogawa\xff\x00\x01", "its header needs bytes 0 to 16, the file has 8"),
@@ -394,6 +431,9 @@ def test_a_head_of_hair_falls_about_its_skull() -> None:
         (lambda g: Groom(g.points, g.offsets[:-1], g.radius), "offsets must run from 0 to the 14 points"),
         (lambda g: Groom(g.points, np.array([0, 1, 14]), g.radius), "strand 0 has 1"),
         (lambda g: Groom(g.points * np.nan, g.offsets, g.radius), "point 0 is"),
+        (lambda g: Groom(g.points * 0, g.offsets, g.radius), "no strand has 2 points that differ"),
+        (lambda g: Groom(g.points * 1e20, g.offsets, g.radius), r"within ±1e\+09, point 0 is \[.*e\+19.*; scale the groom"),
+        (lambda g: Groom(g.points, g.offsets, g.radius * 1e20), r"at most 1e\+09; point 0 has .*e\+18"),
         (lambda g: Groom(g.points, g.offsets, -g.radius), "radius must be finite and at least 0"),
         (lambda g: g.with_thickness(-1), "root must be in"),
         (lambda g: g.with_followers(-1, 1), "count must be in"),

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.linalg import solve_banded
 
 from cuticle._support import validate
@@ -16,11 +17,17 @@ from cuticle._support.files import write_text
 __all__ = ["Groom", "join_grooms", "read_groom"]
 
 MAX_FOLLOWERS = 1000
+FARTHEST = 1e9  # the largest coordinate and radius: single precision squares lengths up to 1.8e19, and cubes of cells less
+_CLOSEST = 1e-18  # the square of a shorter step is 0 in single precision, and so is its direction
 
 
 @dataclass(frozen=True, eq=False)
 class Groom:
     """Strands of hair, each a row of points from root to tip with a radius at every point.
+
+    A point that repeats the one before it has no direction, so it is left out, and so is a strand of no length. A warning
+    says how many. Two points repeat each other where single precision cannot hold their direction: where they are closer
+    than 1.2e-7 times their largest coordinate, or 1e-18.
 
     Parameters
     ----------
@@ -35,7 +42,8 @@ class Groom:
     Raises
     ------
     ValueError
-        Shapes do not fit, a strand has fewer than 2 points, a coordinate is not finite, or a radius is negative.
+        Shapes do not fit, a strand has fewer than 2 points, no strand has a length, a coordinate is not finite or beyond
+        ±1e9, or a radius is negative or above 1e9.
     """
 
     points: NDArray[np.float32]
@@ -53,11 +61,16 @@ class Groom:
             short = int(np.argmax(np.diff(offsets) < 2))
             raise ValueError(f"a strand must have at least 2 points, strand {short} has {int(np.diff(offsets)[short])}")
         radius = np.array(np.broadcast_to(np.asarray(self.radius, np.float32), len(points)))
-        if not np.isfinite(points).all():
-            at = int(np.argmin(np.isfinite(points).all(axis=1)))
-            raise ValueError(f"points must be finite numbers, point {at} is {points[at].tolist()}")
-        if not (np.isfinite(radius).all() and (radius >= 0).all()):
-            raise ValueError("radius must be finite and at least 0 everywhere")
+        _check_points(points)
+        if not ((radius >= 0) & (radius <= FARTHEST)).all():
+            at = int(np.argmin((radius >= 0) & (radius <= FARTHEST)))
+            raise ValueError(
+                f"radius must be finite and at least 0 everywhere, and at most {FARTHEST:g}; point {at} has {radius[at]:g}"
+            )
+        keep, kept, left_out = distinct_points(points, np.diff(offsets))
+        if left_out:
+            warnings.warn(f"groom: left out {left_out}", stacklevel=3)
+            points, radius, offsets = points[keep], radius[keep], np.append(0, np.cumsum(kept[kept > 0]))
         for name, value in (("points", points), ("offsets", offsets), ("radius", radius)):
             value.setflags(write=False)
             object.__setattr__(self, name, value)
@@ -173,6 +186,53 @@ class Groom:
         write_text(path, "".join(rows.tolist()) % tuple(control.ravel().tolist()))
 
 
+def _check_points(points: NDArray[np.float32]) -> None:
+    right = (np.abs(points) <= FARTHEST).all(axis=1)
+    if not right.all():
+        at = int(np.argmin(right))
+        said = "scale the groom" if np.isfinite(points[at]).all() else "mend or leave out its strand"
+        raise ValueError(f"points must be finite numbers within ±{FARTHEST:g}, point {at} is {points[at].tolist()}; {said}")
+
+
+def distinct_points(
+    points: NDArray[np.float32], counts: NDArray[np.int64]
+) -> tuple[NDArray[np.bool_], NDArray[np.int64], str]:
+    """Return which points differ from the one before them on their strand, and what is left without the others.
+
+    Returns
+    -------
+    keep
+        The points to keep, shape (N,).
+    kept
+        The number of points that each strand keeps, shape (strands,): 0 for a strand of no length.
+    left_out
+        What is left out, in words; empty where all is kept.
+
+    Raises
+    ------
+    ValueError
+        No strand has a length.
+    """
+    strand = np.repeat(np.arange(len(counts)), counts)
+    step = np.abs(np.diff(points, axis=0)).max(axis=1, initial=0)
+    size = np.abs(points).max(axis=1, initial=0)
+    least = np.maximum(np.finfo(np.float32).eps * np.maximum(size[1:], size[:-1]), _CLOSEST)
+    keep = np.ones(len(points), bool)
+    keep[1:] = (step > least) | (strand[1:] != strand[:-1])
+    kept = np.bincount(strand[keep], minlength=len(counts))
+    short = kept == 1
+    if (kept < 2).all():
+        raise ValueError("no strand has 2 points that differ")
+    repeated, pointlike = int((counts - kept)[~short].sum()), int(short.sum())
+    keep &= ~short[strand]
+    said = [
+        f"{n:,} {what}{'s' * (n > 1)}{rest}"
+        for n, what, rest in ((repeated, "repeated point", ""), (pointlike, "strand", " of no length"))
+        if n
+    ]
+    return keep, np.where(short, 0, kept), " and ".join(said)
+
+
 def join_grooms(grooms: Sequence[Groom]) -> Groom:
     """Return one groom with the strands of all grooms. Hairstyles often come in several files."""
     if not grooms:
@@ -185,7 +245,7 @@ def join_grooms(grooms: Sequence[Groom]) -> Groom:
 def read_groom(path: str | os.PathLike[str], *, radius: float | None = None) -> Groom:
     """Read a hair file; the file's ending selects the reader in `cuticle.grooms.readers.READERS`.
 
-    Strands of one point, and strands without width, are dropped.
+    Repeated points, strands of no length and strands of no width are left out. A warning says how many.
 
     Parameters
     ----------
@@ -206,26 +266,28 @@ def read_groom(path: str | os.PathLike[str], *, radius: float | None = None) -> 
     if radius is not None:
         radius = validate.number("radius", radius, 0, 1e6, above=True)
     points, counts, found = readers.read(path)
-    keep = counts >= 2  # a strand of one point is no curve
-    if not keep.any():
-        raise ValueError(f"{path}: no strand has 2 points or more")
-    if found is not None:
-        keep &= np.maximum.reduceat(found, np.concatenate([[0], np.cumsum(counts)[:-1]])) > 0  # nor is one of no width
-        if not keep.any():
-            raise ValueError(f"{path}: no strand has a radius above 0")
-    kept = np.repeat(keep, counts)
-    points, counts = points[kept], counts[keep]
-    if not np.isfinite(points).all():
-        at = int(np.argmin(np.isfinite(points).all(axis=1)))
-        raise ValueError(f"{path}: point {at} is {points[at].tolist()}, not a position")
-    values: ArrayLike
-    if radius is not None:
-        values = radius
-    elif found is not None:
-        values = found[kept]
-    else:
-        values = float(np.linalg.norm(points.max(axis=0) - points.min(axis=0))) / 4000
     try:
-        return Groom(points, np.concatenate([[0], np.cumsum(counts)]), np.asarray(values, np.float32))
+        _check_points(points)
+        keep, kept, left_out = distinct_points(points, counts)
+        points, counts = points[keep], kept[kept > 0]
+        if found is not None:
+            found = found[keep]
+            wide = np.maximum.reduceat(found, np.cumsum(counts) - counts) > 0
+            if not wide.any():
+                raise ValueError("no strand has a radius above 0")
+            if not wide.all():
+                left_out = " and ".join(filter(None, [left_out, f"{(~wide).sum():,} strand(s) of no width"]))
+            keep = np.repeat(wide, counts)
+            points, found, counts = points[keep], found[keep], counts[wide]
+        values = radius if radius is not None else default_radius(points) if found is None else found
+        groom = Groom(points, np.append(0, np.cumsum(counts)), np.asarray(values, np.float32))
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+    if left_out:
+        warnings.warn(f"{path}: left out {left_out}", stacklevel=2)
+    return groom
+
+
+def default_radius(points: NDArray) -> float:
+    """Return the radius of strands whose file has none: 1/4000 of the diagonal of the box around their points."""
+    return float(np.linalg.norm(points.max(axis=0).astype(np.float64) - points.min(axis=0))) / 4000

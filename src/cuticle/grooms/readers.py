@@ -186,8 +186,10 @@ def _text(path: Path) -> Raw:
         counts[-1] += 1
     if not rows:
         raise ValueError(f"{path} holds no strand")
-    values = np.array(rows, np.float32)
-    return values[:, :3], np.array([c for c in counts if c], np.int64), values[:, 3]
+    values, counts = np.array(rows, np.float32), [c for c in counts if c]
+    if len(counts) > 1 and not values[-counts[-1] :, 3].any():  # what `Groom.save` adds for Mitsuba's sake
+        values = values[: -counts.pop()]
+    return values[:, :3], np.array(counts, np.int64), values[:, 3]
 
 
 def _usd(path: Path) -> Raw:
