@@ -9,21 +9,27 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_banded
 
 from cuticle._support import validate
 from cuticle._support.files import write_text
+from cuticle.grooms import splines
 
 __all__ = ["Groom", "join_grooms", "read_groom"]
 
 MAX_FOLLOWERS = 1000
 FARTHEST = 1e9  # the largest coordinate and radius: single precision squares lengths up to 1.8e19, and cubes of cells less
+_POSITION = np.array([1, 1, 1, 0], np.float32)  # of x y z radius
 _CLOSEST = 1e-18  # the square of a shorter step is 0 in single precision, and so is its direction
 
 
 @dataclass(frozen=True, eq=False)
 class Groom:
     """Strands of hair, each a row of points from root to tip with a radius at every point.
+
+    The points lie on the strand, at the knots of a uniform cubic spline: that curve, through every point, is what is
+    rendered and saved. `bend` sets its ends; without it the spline is the natural one. Points and bend together determine
+    the control points and are determined by them, so B-splines are read, held and saved as they are. Polylines are
+    rendered as the smooth curve through their points.
 
     A point that repeats the one before it has no direction, so it is left out, and so is a strand of no length. A warning
     says how many. Two points repeat each other where single precision cannot hold their direction: where they are closer
@@ -38,6 +44,9 @@ class Groom:
         points.
     radius
         Radius at each point, in the unit of the points: shape (N,), or one number.
+    bend
+        Second difference P[i-1] - 2 P[i] + P[i+1] of the control points (x y z radius) at each strand's first and last
+        point, shape (strands, 2, 4). Default: 0, no curvature at the ends.
 
     Raises
     ------
@@ -49,6 +58,7 @@ class Groom:
     points: NDArray[np.float32]
     offsets: NDArray[np.int64]
     radius: NDArray[np.float32]
+    bend: NDArray[np.float32] = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         points = np.array(self.points, np.float32)
@@ -62,6 +72,10 @@ class Groom:
             raise ValueError(f"a strand must have at least 2 points, strand {short} has {int(np.diff(offsets)[short])}")
         radius = np.array(np.broadcast_to(np.asarray(self.radius, np.float32), len(points)))
         _check_points(points)
+        strands = len(offsets) - 1
+        bend = np.zeros((strands, 2, 4), np.float32) if self.bend is None else np.array(self.bend, np.float32)
+        if bend.shape != (strands, 2, 4) or not (np.abs(bend) <= 4 * FARTHEST).all():
+            raise ValueError(f"bend must be finite numbers of shape ({strands}, 2, 4), got shape {bend.shape}")
         if not ((radius >= 0) & (radius <= FARTHEST)).all():
             at = int(np.argmin((radius >= 0) & (radius <= FARTHEST)))
             raise ValueError(
@@ -71,7 +85,8 @@ class Groom:
         if left_out:
             warnings.warn(f"groom: left out {left_out}", stacklevel=3)
             points, radius, offsets = points[keep], radius[keep], np.append(0, np.cumsum(kept[kept > 0]))
-        for name, value in (("points", points), ("offsets", offsets), ("radius", radius)):
+            bend = _kept_bend(bend, np.diff(self.offsets), kept)
+        for name, value in (("points", points), ("offsets", offsets), ("radius", radius), ("bend", bend)):
             value.setflags(write=False)
             object.__setattr__(self, name, value)
 
@@ -112,7 +127,8 @@ class Groom:
         """Return the groom with radii that vary linearly from `root` to `tip` (default: `root`) along each strand."""
         root = validate.number("root", root, 0, 1e6)
         tip = root if tip is None else validate.number("tip", tip, 0, 1e6)
-        return replace(self, radius=(root + (tip - root) * self.along()).astype(np.float32))
+        bend = self.bend * _POSITION
+        return replace(self, radius=(root + (tip - root) * self.along()).astype(np.float32), bend=bend)
 
     def with_followers(self, count: int, spread: float, *, tip_spread: float | None = None, seed: int = 1) -> Groom:
         """Return the groom with `count` copies of each strand beside it.
@@ -139,49 +155,36 @@ class Groom:
             parts.append((self.points + width * shift).astype(np.float32))
         starts = [self.offsets[:-1] + k * len(self.points) for k in range(count + 1)]
         offsets = np.append(np.concatenate(starts), len(self.points) * (count + 1))
-        return Groom(np.concatenate(parts), offsets, np.tile(self.radius, count + 1))
+        return Groom(np.concatenate(parts), offsets, np.tile(self.radius, count + 1), np.tile(self.bend, (count + 1, 1, 1)))
 
     def control_points(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Return the control points of uniform cubic B-splines that pass through every point.
 
-        At its knots, a B-spline with control points P passes through (P[i-1] + 4 P[i] + P[i+1])/6. The ends have no
-        curvature. All strands form one tridiagonal system.
+        The splines have no curvature at their ends but `bend`.
 
         Returns
         -------
         control, offsets
             Positions and radii, shape (N + 2 strands, 4), and the index of each strand's first control point.
         """
-        n = len(self.points)
-        values = np.column_stack([self.points, self.radius]).astype(np.float64)
-        ends = np.zeros(n, bool)
-        ends[self.offsets[:-1]] = ends[self.offsets[1:] - 1] = True
-        bands = np.zeros((3, n))
-        bands[1] = np.where(ends, 1, 4 / 6)
-        bands[0, 1:] = np.where(ends[:-1], 0, 1 / 6)  # the upper diagonal: row i, column i + 1
-        bands[2, :-1] = np.where(ends[1:], 0, 1 / 6)
-        inner = solve_banded((1, 1), bands, values)
-        offsets = self.offsets + 2 * np.arange(self.strands + 1)
-        control = np.empty((n + 2 * self.strands, 4))
-        control[np.arange(n) + 2 * np.repeat(np.arange(self.strands), self.counts) + 1] = inner
-        first, last = offsets[:-1], offsets[1:] - 1
-        control[first] = 2 * control[first + 1] - control[first + 2]
-        control[last] = 2 * control[last - 1] - control[last - 2]
+        control, offsets = splines.to_control(np.column_stack([self.points, self.radius]), self.offsets, self.bend)
         # A radius that swings below 0 between two points would turn the tube inside out.
         control[:, 3] = np.maximum(control[:, 3], 0)
         return control, offsets
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the text file of Mitsuba's `bsplinecurve`: one line `x y z radius` per point, a blank line between strands.
+        """Write the text file of Mitsuba's `bsplinecurve`: one line `x y z radius` per control point, a blank line between
+        strands. `read_groom` reads the same groom back, to single precision.
 
-        The curves pass through the groom's points. A strand of radius 0, which no ray hits, is added at the end: Mitsuba 3.9
-        reads out of bounds where a ray hits the tip of the last curve. `read_groom` drops that strand.
+        The curves pass through the groom's points. A radius whose spline would swing below 0 is cut off there. A strand of
+        radius 0, which no ray hits, is added at the end: Mitsuba 3.9 reads out of bounds where a ray hits the tip of the
+        last curve. `read_groom` drops that strand.
         """
         control, offsets = self.control_points()
         guard = np.column_stack([np.linspace(control[-2, :3], control[-1, :3], 4), np.zeros(4)])
         control, offsets = np.concatenate([control, guard]), np.append(offsets, len(control) + 4)
         # One format for the whole file: a row at a time takes ten times as long.
-        rows = np.full(len(control), "%.7g %.7g %.7g %.7g\n", object)
+        rows = np.full(len(control), "%.9g %.9g %.9g %.9g\n", object)
         rows[offsets[1:-1] - 1] += "\n"
         write_text(path, "".join(rows.tolist()) % tuple(control.ravel().tolist()))
 
@@ -192,6 +195,11 @@ def _check_points(points: NDArray[np.float32]) -> None:
         at = int(np.argmin(right))
         said = "scale the groom" if np.isfinite(points[at]).all() else "mend or leave out its strand"
         raise ValueError(f"points must be finite numbers within ±{FARTHEST:g}, point {at} is {points[at].tolist()}; {said}")
+
+
+def _kept_bend(bend: NDArray[np.float32], counts: NDArray[np.int64], kept: NDArray[np.int64]) -> NDArray[np.float32]:
+    """The bend of the strands that are kept. One that loses points has other knots, for which it does not hold."""
+    return np.where((kept == counts)[:, None, None], bend, 0)[kept > 0]
 
 
 def distinct_points(
@@ -239,7 +247,8 @@ def join_grooms(grooms: Sequence[Groom]) -> Groom:
         raise ValueError("grooms must hold at least one groom, got none")
     starts = np.cumsum([0, *(len(g.points) for g in grooms)])
     offsets = np.append(np.concatenate([g.offsets[:-1] + s for g, s in zip(grooms, starts, strict=False)]), starts[-1])
-    return Groom(np.concatenate([g.points for g in grooms]), offsets, np.concatenate([g.radius for g in grooms]))
+    points, radius, bend = (np.concatenate([getattr(g, name) for g in grooms]) for name in ("points", "radius", "bend"))
+    return Groom(points, offsets, radius, bend)
 
 
 def read_groom(path: str | os.PathLike[str], *, radius: float | None = None) -> Groom:
@@ -265,10 +274,13 @@ def read_groom(path: str | os.PathLike[str], *, radius: float | None = None) -> 
 
     if radius is not None:
         radius = validate.number("radius", radius, 0, 1e6, above=True)
-    points, counts, found = readers.read(path)
+    points, counts, found, bend = readers.read(path)
     try:
+        with np.errstate(over="ignore"):  # what is too large for single precision is refused
+            points = points.astype(np.float32)
         _check_points(points)
         keep, kept, left_out = distinct_points(points, counts)
+        bend = _kept_bend(np.zeros((len(counts), 2, 4), np.float32) if bend is None else bend, counts, kept)
         points, counts = points[keep], kept[kept > 0]
         if found is not None:
             found = found[keep]
@@ -278,9 +290,11 @@ def read_groom(path: str | os.PathLike[str], *, radius: float | None = None) -> 
             if not wide.all():
                 left_out = " and ".join(filter(None, [left_out, f"{(~wide).sum():,} strand(s) of no width"]))
             keep = np.repeat(wide, counts)
-            points, found, counts = points[keep], found[keep], counts[wide]
-        values = radius if radius is not None else default_radius(points) if found is None else found
-        groom = Groom(points, np.append(0, np.cumsum(counts)), np.asarray(values, np.float32))
+            points, found, counts, bend = points[keep], found[keep], counts[wide], bend[wide]
+        if radius is not None or found is None:
+            found = np.float32(default_radius(points) if radius is None else radius)
+            bend = bend * _POSITION
+        groom = Groom(points, np.append(0, np.cumsum(counts)), found, bend)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     if left_out:

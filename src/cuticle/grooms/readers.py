@@ -14,9 +14,29 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cuticle.grooms import splines
 from cuticle.grooms.alembic import read_alembic
 
-Raw = tuple[NDArray[np.float32], NDArray[np.int64], NDArray[np.float32] | None]  # points, counts, radius
+
+class Raw(NamedTuple):
+    """What a reader finds.
+
+    Attributes
+    ----------
+    points
+        The points of all strands, shape (N, 3).
+    counts
+        The number of points of each strand, shape (strands,).
+    radius
+        The radius at each point, shape (N,), or None where the file has none.
+    bend
+        As `Groom.bend`, shape (strands, 2, 4), or None.
+    """
+
+    points: NDArray
+    counts: NDArray[np.int64]
+    radius: NDArray | None = None
+    bend: NDArray | None = None
 
 
 class Reader(NamedTuple):
@@ -29,13 +49,12 @@ class Reader(NamedTuple):
     endings
         The file name endings that select it, lower case, with the dot.
     read
-        Returns the points of all strands (N, 3), the number of points of each strand, and a radius at each point, or
-        None where the format has no radii. Raises ValueError with the path and the reason.
+        Returns a `Raw`, or its values as a tuple. Raises ValueError with the path and the reason.
     """
 
     name: str
     endings: tuple[str, ...]
-    read: Callable[[Path], Raw]
+    read: Callable[[Path], tuple]
 
 
 def read(path: str | os.PathLike[str]) -> Raw:
@@ -43,7 +62,7 @@ def read(path: str | os.PathLike[str]) -> Raw:
     ending = Path(path).suffix.lower()
     for reader in READERS:
         if ending in reader.endings:
-            return reader.read(Path(path))
+            return Raw(*reader.read(Path(path)))
     raise ValueError(f"{path}: a groom file must end in one of {known_endings()}; got {ending or 'none'!r}")
 
 
@@ -119,7 +138,7 @@ def _cyhair(path: Path) -> Raw:
         radius = (0.5 * _take(path, data, at, "<f4", points, "the thickness")).astype(np.float32)
     elif 0 < thickness < 1:  # 1 is what writers leave there: no thickness that fits any groom
         radius = np.full(points, 0.5 * thickness, np.float32)
-    return xyz, counts, radius
+    return Raw(xyz, counts, radius)
 
 
 def _usc(path: Path) -> Raw:
@@ -139,7 +158,7 @@ def _usc(path: Path) -> Raw:
         at += 4 + 12 * count
     if at != len(data):
         raise ValueError(f"{path}: after {strands} strands {len(data) - at} bytes are left (byte {at})")
-    return np.concatenate(parts).reshape(-1, 3), np.array(counts, np.int64), None
+    return Raw(np.concatenate(parts).reshape(-1, 3), np.array(counts, np.int64))
 
 
 def _tressfx(path: Path) -> Raw:
@@ -158,11 +177,15 @@ def _tressfx(path: Path) -> Raw:
             raise ValueError(f"{path}: its positions begin at byte {offset} (byte 12), inside the header of 160 bytes")
         values = _take(path, data, offset, "<f4", 4 * count, f"{strands} strands of {vertices} points")
         xyz = values.reshape(-1, 4)[:, :3]
-    return xyz, np.full(strands, vertices, np.int64), None
+    return Raw(xyz, np.full(strands, vertices, np.int64))
 
 
 def _text(path: Path) -> Raw:
-    """Mitsuba's text: one line `x y z radius` per point, a blank line between strands. Read as points of the strand."""
+    """Mitsuba's text: one line `x y z radius` per point, a blank line between strands.
+
+    The lines are control points of cubic B-splines, as of `bsplinecurve`. That plugin refuses a file with a strand of fewer
+    than 4 lines: such a file is `linearcurve`'s, and its lines are points.
+    """
     data = read_bytes(path)
     try:
         lines = data.decode("utf-8").splitlines()
@@ -186,10 +209,12 @@ def _text(path: Path) -> Raw:
         counts[-1] += 1
     if not rows:
         raise ValueError(f"{path} holds no strand")
-    values, counts = np.array(rows, np.float32), [c for c in counts if c]
-    if len(counts) > 1 and not values[-counts[-1] :, 3].any():  # what `Groom.save` adds for Mitsuba's sake
-        values = values[: -counts.pop()]
-    return values[:, :3], np.array(counts, np.int64), values[:, 3]
+    values, strands = np.array(rows, np.float64), np.array([c for c in counts if c], np.int64)
+    if len(strands) > 1 and not values[-strands[-1] :, 3].any():  # what `Groom.save` adds for Mitsuba's sake
+        values, strands = values[: -strands[-1]], strands[:-1]
+    type_ = "cubic" if strands.min() >= 4 else "linear"
+    found, points, bend = splines.to_splines(values, strands, type_)
+    return Raw(found[:, :3], points, found[:, 3], bend)
 
 
 def _usd(path: Path) -> Raw:
@@ -226,7 +251,7 @@ def _usd(path: Path) -> Raw:
     if not points or not sum(map(len, points)):
         raise ValueError(f"{path} holds no BasisCurves")
     whole = sum(map(len, radius)) == sum(map(len, points))
-    return (
+    return Raw(
         np.concatenate(points).astype(np.float32),
         np.concatenate(counts),
         np.concatenate(radius).astype(np.float32) if whole else None,
