@@ -33,10 +33,10 @@ def groom() -> Groom:
     )
 
 
-def cyhair(g: Groom, *, segments: bool = True, thickness: bool = False, **change: int) -> bytes:
+def cyhair(g: Groom, *, segments: bool = True, thickness: bool = False, default: float = 0.0, **change: int) -> bytes:
     flags = 2 | (1 if segments else 0) | (4 if thickness else 0)
     head = {"strands": g.strands, "points": len(g.points), "flags": flags, "segments": int(g.counts[0]) - 1} | change
-    data = struct.pack("<4sIIIIfffff88s", b"HAIR", *head.values(), 1.0, 0, 1, 1, 1, b"")
+    data = struct.pack("<4sIIIIfffff88s", b"HAIR", *head.values(), default, 0, 1, 1, 1, b"")
     assert len(data) == 128
     if segments:
         data += (g.counts - 1).astype("<u2").tobytes()
@@ -76,6 +76,16 @@ def test_cyhair_is_read(groom: Groom, tmp_path: Path, thickness: bool) -> None:
         np.testing.assert_allclose(found.radius, np.linalg.norm(high - low) / 4000, rtol=1e-6)
     (tmp_path / "b.hair").write_bytes(cyhair(even(groom), segments=False))
     assert read_groom(tmp_path / "b.hair", radius=0.5).counts.tolist() == [7, 7]
+
+
+@pytest.mark.parametrize(
+    ("size", "default", "radius"), [(9.0, 2.0, 1.0), (9.0, 0.25, 0.125), (9.0, 1.0, 0.5), (0.5, 1.0, None)]
+)
+def test_cyhair_thickness_of_the_header(tmp_path: Path, size: float, default: float, radius: float | None) -> None:
+    line = Groom(np.array([[0, 0, 0], [0, size, 0]]), np.array([0, 2]), np.zeros(1))
+    (tmp_path / "a.hair").write_bytes(cyhair(line, default=default))
+    # a strand thicker than the groom is long is the 1 that cyHair's writer leaves: 1/4000 of the size, as without
+    np.testing.assert_allclose(read_groom(tmp_path / "a.hair").radius, radius or size / 4000, rtol=1e-6)
 
 
 def test_usc_is_read(groom: Groom, tmp_path: Path) -> None:
@@ -254,6 +264,8 @@ def test_help_messages_and_docs_know_every_reader(monkeypatch: pytest.MonkeyPatc
         ("a.hair", lambda g: cyhair(g, points=2**32 - 1), "its header says 4294967295"),
         ("a.hair", lambda g: cyhair(g, flags=1), "it says it holds no points"),
         ("a.hair", lambda g: cyhair(even(g), segments=False, flags=2, strands=2**32 - 1), "are more than the file holds"),
+        ("a.hair", lambda g: cyhair(g, default=float("nan")), "radius must be finite"),
+        ("a.hair", lambda g: cyhair(g, default=-1.0), "radius must be finite and at least 0"),
         ("a.data", lambda g: struct.pack("<i", -3), "holds -3 strands"),
         ("a.data", lambda g: struct.pack("<i", 2**31 - 1) + usc(g), "it says it holds 2147483647 strands"),
         ("a.data", lambda g: struct.pack("<ii", 1, -5), "strand 0 says it has -5 points"),

@@ -76,11 +76,7 @@ class Groom:
         bend = np.zeros((strands, 2, 4), np.float32) if self.bend is None else np.array(self.bend, np.float32)
         if bend.shape != (strands, 2, 4) or not (np.abs(bend) <= 4 * FARTHEST).all():
             raise ValueError(f"bend must be finite numbers of shape ({strands}, 2, 4), got shape {bend.shape}")
-        if not ((radius >= 0) & (radius <= FARTHEST)).all():
-            at = int(np.argmin((radius >= 0) & (radius <= FARTHEST)))
-            raise ValueError(
-                f"radius must be finite and at least 0 everywhere, and at most {FARTHEST:g}; point {at} has {radius[at]:g}"
-            )
+        _check_radius(radius)
         keep, kept, left_out = distinct_points(points, np.diff(offsets))
         if left_out:
             warnings.warn(f"groom: left out {left_out}", stacklevel=3)
@@ -197,6 +193,15 @@ def _check_points(points: NDArray[np.float32]) -> None:
         raise ValueError(f"points must be finite numbers within ±{FARTHEST:g}, point {at} is {points[at].tolist()}; {said}")
 
 
+def _check_radius(radius: NDArray) -> None:
+    right = (radius >= 0) & (radius <= FARTHEST)
+    if not right.all():
+        at = int(np.argmin(right))
+        raise ValueError(
+            f"radius must be finite and at least 0 everywhere, and at most {FARTHEST:g}; point {at} has {radius[at]:g}"
+        )
+
+
 def _kept_bend(bend: NDArray[np.float32], counts: NDArray[np.int64], kept: NDArray[np.int64]) -> NDArray[np.float32]:
     """The bend of the strands that are kept. One that loses points has other knots, for which it does not hold."""
     return np.where((kept == counts)[:, None, None], bend, 0)[kept > 0]
@@ -278,6 +283,8 @@ def read_groom(path: str | os.PathLike[str], *, radius: float | None = None) -> 
     try:
         with np.errstate(over="ignore"):  # what is too large for single precision is refused
             points = points.astype(np.float32)
+        if found is not None:
+            _check_radius(found)
         _check_points(points)
         keep, kept, left_out = distinct_points(points, counts)
         bend = _kept_bend(np.zeros((len(counts), 2, 4), np.float32) if bend is None else bend, counts, kept)

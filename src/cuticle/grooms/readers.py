@@ -136,7 +136,8 @@ def _cyhair(path: Path) -> Raw:
     radius: NDArray[np.float32] | None = None
     if flags & 4:
         radius = (0.5 * _take(path, data, at, "<f4", points, "the thickness")).astype(np.float32)
-    elif 0 < thickness < 1:  # 1 is what writers leave there: no thickness that fits any groom
+    elif thickness != 0 and not (thickness == 1 and np.ptp(xyz, axis=0).max() < 1):
+        # 1 is also what cyHair's own writer leaves there. It is no thickness where it is more than the groom's size.
         radius = np.full(points, 0.5 * thickness, np.float32)
     return Raw(xyz, counts, radius)
 
