@@ -55,6 +55,7 @@ RadiusOption = Annotated[
     float | None, typer.Option(help="Radius of all strands, in the file's unit. Default: the file's own.")
 ]
 TipOption = Annotated[float | None, typer.Option(help="Radius at the tip; --radius is then that at the root.")]
+FrameOption = Annotated[float | None, typer.Option(help="Time code to read USD files at. Default: the first.")]
 FollowersOption = Annotated[int, typer.Option(help="Number of copies beside each strand, for grooms that hold guides only.")]
 SpreadOption = Annotated[
     float | None, typer.Option(help="Standard deviation of a copy's offset. Default: 1/200 of the groom's size.")
@@ -66,11 +67,15 @@ ZoomOption = Annotated[float, typer.Option(help="Magnification; 1 fits the whole
 VariantOption = Annotated[str, typer.Option(help="Mitsuba variant.")]
 
 
-def _groom(names: list[str], radius: float | None, tip: float | None, followers: int, spread: float | None) -> Groom:
+def _groom(
+    names: list[str], radius: float | None, tip: float | None, followers: int, spread: float | None, frame: float | None
+) -> Groom:
     if tip is not None and radius is None:
         raise ValueError("--tip needs --radius, the radius at the root")
     validate.integer("--followers", followers, 0, 1000)
-    grooms = [BUILT_IN[n]() if n in BUILT_IN else read_groom(n, radius=radius) for n in names]
+    if frame is not None and all(n in BUILT_IN for n in names):
+        raise ValueError("--frame is the time to read a USD file at; a built-in groom has none, leave it out")
+    grooms = [BUILT_IN[n]() if n in BUILT_IN else read_groom(n, radius=radius, frame=frame) for n in names]
     groom = join_grooms(grooms) if len(grooms) > 1 else grooms[0]
     if followers:
         low, high = groom.bounds
@@ -103,6 +108,7 @@ def picture_command(
     tip: TipOption = None,
     followers: FollowersOption = 0,
     spread: SpreadOption = None,
+    frame: FrameOption = None,
     width: WidthOption = 512,
     height: Annotated[int | None, typer.Option(help="Height in pixels. Default: the width.")] = None,
     azimuth: AzimuthOption = 25.0,
@@ -126,7 +132,7 @@ def picture_command(
     how = integrator(technique, depth=depth, **own)
     material = bsdf(fibre, sampling, strands=technique == "dual")
     _check_fibre(fibre)
-    hair = _groom(groom, radius, tip, followers, spread)
+    hair = _groom(groom, radius, tip, followers, spread, frame)
     mi = mitsuba(variant)
     with progress_bar(json_output) as progress:
         progress("fitting the fibre, loading the scene", 0.0)
@@ -156,6 +162,7 @@ def compare_command(
     tip: TipOption = None,
     followers: FollowersOption = 0,
     spread: SpreadOption = None,
+    frame: FrameOption = None,
     width: WidthOption = 192,
     azimuth: AzimuthOption = 25.0,
     elevation: ElevationOption = 10.0,
@@ -169,7 +176,7 @@ def compare_command(
     view = View(azimuth=azimuth, elevation=elevation, width=width, height=width, zoom=zoom)
     lit = Light(light)
     _check_fibre(fibre)
-    hair = _groom(groom, radius, tip, followers, spread)
+    hair = _groom(groom, radius, tip, followers, spread, frame)
     mitsuba(variant)
     folder = writable_directory(output)
     from cuticle.render.compare import compare_samplings

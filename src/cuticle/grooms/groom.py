@@ -256,7 +256,7 @@ def join_grooms(grooms: Sequence[Groom]) -> Groom:
     return Groom(points, offsets, radius, bend)
 
 
-def read_groom(path: str | os.PathLike[str], *, radius: float | None = None) -> Groom:
+def read_groom(path: str | os.PathLike[str], *, radius: float | None = None, frame: float | None = None) -> Groom:
     """Read a hair file; the file's ending selects the reader in `cuticle.grooms.readers.READERS`.
 
     Repeated points, strands of no length and strands of no width are left out. A warning says how many.
@@ -268,6 +268,8 @@ def read_groom(path: str | os.PathLike[str], *, radius: float | None = None) -> 
     radius
         Radius of all strands, in the file's unit. Overrides the file. A file without radii gets 1/4000 of the diagonal of
         its bounding box.
+    frame
+        The time to read a USD file at, in its own time codes. Default: the first.
 
     Raises
     ------
@@ -279,7 +281,9 @@ def read_groom(path: str | os.PathLike[str], *, radius: float | None = None) -> 
 
     if radius is not None:
         radius = validate.number("radius", radius, 0, 1e6, above=True)
-    points, counts, found, bend = readers.read(path)
+    if frame is not None:
+        frame = validate.number("frame", frame, -1e9, 1e9)
+    points, counts, found, bend, notes = readers.read(path, frame)
     try:
         with np.errstate(over="ignore"):  # what is too large for single precision is refused
             points = points.astype(np.float32)
@@ -304,8 +308,9 @@ def read_groom(path: str | os.PathLike[str], *, radius: float | None = None) -> 
         groom = Groom(points, np.append(0, np.cumsum(counts)), found, bend)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-    if left_out:
-        warnings.warn(f"{path}: left out {left_out}", stacklevel=2)
+    notes = (*notes, f"left out {left_out}") if left_out else notes
+    if notes:
+        warnings.warn(f"{path}: {'; '.join(notes)}", stacklevel=2)
     return groom
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from cuticle.grooms import splines
 from cuticle.grooms.alembic import read_alembic
+from cuticle.grooms.usd import read_usd
 
 
 class Raw(NamedTuple):
@@ -31,12 +32,15 @@ class Raw(NamedTuple):
         The radius at each point, shape (N,), or None where the file has none.
     bend
         As `Groom.bend`, shape (strands, 2, 4), or None.
+    notes
+        What the user should know of what is left out or made up, a line each.
     """
 
     points: NDArray
     counts: NDArray[np.int64]
     radius: NDArray | None = None
     bend: NDArray | None = None
+    notes: tuple[str, ...] = ()
 
 
 class Reader(NamedTuple):
@@ -50,19 +54,25 @@ class Reader(NamedTuple):
         The file name endings that select it, lower case, with the dot.
     read
         Returns a `Raw`, or its values as a tuple. Raises ValueError with the path and the reason.
+    timed
+        Whether `read` takes the frame as a second argument.
     """
 
     name: str
     endings: tuple[str, ...]
-    read: Callable[[Path], tuple]
+    read: Callable[..., tuple]
+    timed: bool = False
 
 
-def read(path: str | os.PathLike[str]) -> Raw:
+def read(path: str | os.PathLike[str], frame: float | None = None) -> Raw:
     """Read a hair file with the reader that its ending selects."""
     ending = Path(path).suffix.lower()
     for reader in READERS:
         if ending in reader.endings:
-            return Raw(*reader.read(Path(path)))
+            if frame is not None and not reader.timed:
+                timed = ", ".join(ending for r in READERS if r.timed for ending in r.endings)
+                raise ValueError(f"{path}: frame is for {timed}; a file of ending {ending} has one time, leave it out")
+            return Raw(*(reader.read(Path(path)) if frame is None else reader.read(Path(path), frame)))
     raise ValueError(f"{path}: a groom file must end in one of {known_endings()}; got {ending or 'none'!r}")
 
 
@@ -218,52 +228,17 @@ def _text(path: Path) -> Raw:
     return Raw(found[:, :3], points, found[:, 3], bend)
 
 
-def _usd(path: Path) -> Raw:
-    """USD: all BasisCurves of the stage's default time, in world space."""
-    try:
-        from pxr import Tf, Usd, UsdGeom
-    except ImportError:
-        raise ValueError(f"reading {path} needs the package usd-core: pip install 'cuticle[usd]'") from None
-    if not path.is_file():
-        raise ValueError(f"cannot read groom {path}: No such file or directory")
-    try:
-        stage = Usd.Stage.Open(str(path))
-    except Tf.ErrorException as error:
-        raise ValueError(f"cannot read groom {path}: {str(error).splitlines()[0]}") from None
-    places = UsdGeom.XformCache()
-    points, counts, radius = [], [], []
-    for prim in stage.Traverse():
-        if not prim.IsA(UsdGeom.BasisCurves):
-            continue
-        curves = UsdGeom.BasisCurves(prim)
-        xyz = np.array(curves.GetPointsAttr().Get() or [], np.float64).reshape(-1, 3)
-        own = np.array(curves.GetCurveVertexCountsAttr().Get() or [], np.int64)
-        if own.sum() != len(xyz) or (own < 0).any():
-            raise ValueError(f"{path}: {prim.GetPath()} has {len(xyz)} points, its curves say {own.sum()}")
-        matrix = np.array(places.GetLocalToWorldTransform(prim))
-        points.append(xyz @ matrix[:3, :3] + matrix[3, :3])
-        counts.append(own)
-        widths = np.array(curves.GetWidthsAttr().Get() or [], np.float64) * np.cbrt(abs(np.linalg.det(matrix[:3, :3])))
-        if len(widths) in (1, len(own)):
-            widths = np.broadcast_to(widths, len(own)) if len(widths) == 1 else widths
-            radius.append(0.5 * np.repeat(widths, own))
-        elif len(widths) == len(xyz):
-            radius.append(0.5 * widths)
-    if not points or not sum(map(len, points)):
-        raise ValueError(f"{path} holds no BasisCurves")
-    whole = sum(map(len, radius)) == sum(map(len, points))
-    return Raw(
-        np.concatenate(points).astype(np.float32),
-        np.concatenate(counts),
-        np.concatenate(radius).astype(np.float32) if whole else None,
-    )
+def _scene(arrays: dict[str, NDArray]) -> Raw:
+    notes = tuple(map(str, arrays["notes"]))
+    radius = arrays["radius"] if arrays["radius"].size else None
+    return Raw(arrays["points"], arrays["counts"], radius, arrays["bend"], notes)
 
 
 READERS = [
     Reader("cyHair", (".hair",), _cyhair),
     Reader("USC-HairSalon", (".data",), _usc),
     Reader("TressFX 3 and 4", (".tfx",), _tressfx),
-    Reader("USD", (".usd", ".usda", ".usdc", ".usdz"), _usd),
-    Reader("Alembic", (".abc",), read_alembic),
+    Reader("USD", (".usd", ".usda", ".usdc", ".usdz"), lambda path, frame=None: _scene(read_usd(path, frame)), timed=True),
+    Reader("Alembic", (".abc",), lambda path: _scene(read_alembic(path))),
     Reader("Mitsuba's text", (".txt", ".curves"), _text),
 ]

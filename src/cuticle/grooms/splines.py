@@ -62,6 +62,16 @@ def segments(vertices: int, type_: str, basis: str, wrap: str) -> int:
     return found
 
 
+def allowed(counts: NDArray[np.int64], type_: str, basis: str, wrap: str) -> bool:
+    """Return whether curves may have these numbers of vertices; 0 and 1 are no curve, and do no harm."""
+    try:
+        for count in np.unique(counts[counts > 1]):
+            segments(int(count), type_, basis, wrap)
+    except ValueError:
+        return False
+    return True
+
+
 def to_splines(
     vertices: Array, counts: NDArray[np.int64], type_: str, basis: str = "bspline", wrap: str = "nonperiodic"
 ) -> Curves:

@@ -1,0 +1,61 @@
+"""Reads a file with another project's library in a process of its own, which a damaged file may crash, hang or fill."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+_REFUSED = 3  # the process's exit status where its last line is the message
+_SECONDS = 600
+_LIMIT = 6 * 10**9  # bytes of address space: 2 GB for the file, the rest for libraries and threads, which use a part of it
+
+
+def read_apart(module: str, path: Path, *arguments: object) -> dict[str, NDArray]:
+    """Run `python -m module path out.npz arguments…`, which calls `serve`, and return the arrays that it writes."""
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "groom.npz"
+        command = [sys.executable, "-m", module, str(path.resolve()), str(out), str(_LIMIT), *map(str, arguments)]
+        try:
+            done = subprocess.run(command, capture_output=True, check=False, timeout=_SECONDS)
+        except subprocess.TimeoutExpired:
+            raise ValueError(f"cannot read groom {path}: its reader was stopped after {_SECONDS} s") from None
+        lines = done.stderr.decode(errors="replace").strip().splitlines() or ["it says nothing"]
+        if done.returncode == _REFUSED:
+            raise ValueError(f"cannot read groom {path}: {lines[-1]}")
+        if done.returncode or not out.is_file():
+            raise ValueError(f"cannot read groom {path}: its reader crashed ({done.returncode}): {lines[-1][:200]}")
+        with np.load(out) as found:
+            return dict(found)
+
+
+def serve(read: Callable[..., dict[str, NDArray]]) -> None:
+    """Answer `read_apart`: write what `read(path, *arguments)` returns, or end with the reason."""
+    path, out, limit, *arguments = sys.argv[1:]
+    if int(limit):
+        _limit_memory(int(limit))
+    try:
+        np.savez(out, **read(path, *arguments))  # type: ignore[arg-type]
+    except MemoryError:
+        reason = "it needs more memory than 2 GB"
+    except Exception as error:
+        reason = " ".join(str(error).split())[:300] or type(error).__name__
+    else:
+        return
+    print(reason, file=sys.stderr)
+    sys.exit(_REFUSED)
+
+
+def _limit_memory(size: int) -> None:
+    try:
+        import resource
+    except ImportError:  # Windows
+        return
+    hard = resource.getrlimit(resource.RLIMIT_AS)[1]
+    if hard == resource.RLIM_INFINITY or size < hard:
+        resource.setrlimit(resource.RLIMIT_AS, (size, hard))
