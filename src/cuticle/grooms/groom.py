@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import solve_banded
 
 from cuticle._support import validate
-from cuticle._support.files import write_text
+from cuticle._support.files import reading, write_text
 
 __all__ = ["Groom", "join_grooms", "read_groom"]
 
@@ -205,7 +205,8 @@ def read_groom(path: str | os.PathLike[str], *, radius: float | None = None) -> 
 
     if radius is not None:
         radius = validate.number("radius", radius, 0, 1e6, above=True)
-    points, counts, found = readers.read(path)
+    with reading(path, "groom"):
+        points, counts, found = readers.read(path)
     keep = counts >= 2  # a strand of one point is no curve
     if not keep.any():
         raise ValueError(f"{path}: no strand has 2 points or more")

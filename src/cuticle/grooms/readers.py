@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cuticle._support import files
 from cuticle.grooms.alembic import read_alembic
 
 Raw = tuple[NDArray[np.float32], NDArray[np.int64], NDArray[np.float32] | None]  # points, counts, radius
@@ -59,10 +60,7 @@ def known_formats() -> str:
 
 def read_bytes(path: Path) -> bytes:
     """Return the whole file, or raise ValueError with the reason."""
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise ValueError(f"cannot read groom {path}: {error.strerror or error}") from None
+    return files.read_bytes(path, "groom")
 
 
 def _take(path: Path, data: bytes, at: int, kind: str, count: int, what: str) -> NDArray:
