@@ -213,7 +213,7 @@ def test_help_messages_and_docs_know_every_reader(monkeypatch: pytest.MonkeyPatc
         ("a.txt", lambda g: b"1 2 3\n", "line 1 must be x y z radius, got '1 2 3'"),
         ("a.txt", lambda g: b"1 2 3 4\n1 2 x 4\n", "line 2 must be"),
         ("a.txt", lambda g: b"\n\n", "holds no strand"),
-        ("a.txt", lambda g: b"\xff\xfe", "is not UTF-8 text"),
+        ("a.txt", lambda g: b"\xff\xfe", "it is not text in UTF-8"),
         ("a.txt", lambda g: b"1 2 3 4\n", "no strand has 2 points"),
         ("a.txt", lambda g: b"1 2 nan 4\n1 2 3 4\n", "point 0 is"),
         ("a.txt", lambda g: b"0 0 0 1\n1e20 0 0 1\n", r"a\.txt: points must be finite numbers within ±1e\+09, point 1 is"),

@@ -1,13 +1,16 @@
-"""Reading and writing files: errors in one line, and no half-written files."""
+"""Reading and writing files: errors in one line, sizes checked before memory is taken, and no half-written files."""
 
 from __future__ import annotations
 
 import os
+import re
 import sys
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, BinaryIO, TypeVar
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -15,16 +18,97 @@ else:
     import tomli as tomllib
 
 T = TypeVar("T")
+LARGEST = 2 * 10**9  # bytes that a file may ask for
+_TEXT_GROWS = 10  # how many times its own bytes a text takes once it is numbers: 32 for each, and some characters
+_CHUNK = 1 << 20
+_LONGEST = 400  # characters of a message: it may quote the file
+_unlimited = ContextVar("_unlimited", default=False)
+
+
+@contextmanager
+def reading(path: str | os.PathLike[str], what: str = "file", *, remedy: str = "") -> Iterator[None]:
+    """Turn any failure within into a ValueError of one line, `cannot read {what} {path}: {reason}; {remedy}`.
+
+    A file can be wrong in more ways than its readers foresee: a decoder of any library may raise whatever it likes. A
+    ValueError that names the path already passes unchanged.
+    """
+    try:
+        yield
+    except Exception as error:
+        if isinstance(error, ValueError) and re.search(rf"(?<!\S){re.escape(str(path))}(?!\w)", str(error)):
+            if len(str(error)) <= _LONGEST:
+                raise
+            raise ValueError(_clipped(error)) from None
+        message = f"cannot read {what} {path}: {_reason(error)}" + (f"; {remedy}" if remedy else "")
+        foreseen = isinstance(error, (OSError, ValueError, TypeError))
+        raise ValueError(message) from (None if foreseen else error)  # for one that is not, the cause stays at hand
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, OSError):
+        return error.strerror or str(error) or type(error).__name__
+    if isinstance(error, UnicodeDecodeError):
+        return "it is not text in UTF-8"
+    if isinstance(error, MemoryError):
+        return "it needs more memory than there is"
+    if isinstance(error, RecursionError):
+        return "it is nested too deeply"
+    text = _clipped(error)
+    plain = isinstance(error, (ValueError, TypeError, OverflowError)) and text
+    return text if plain else f"it is damaged ({type(error).__name__}: {text})"
+
+
+def _clipped(error: Exception) -> str:
+    text = " ".join(str(error).split())
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]} …"
+
+
+@contextmanager
+def allow_large() -> Iterator[None]:
+    """Within this context, files may ask for more than 2 GB of memory."""
+    token = _unlimited.set(True)
+    try:
+        yield
+    finally:
+        _unlimited.reset(token)
+
+
+def largest() -> int:
+    """Return how many bytes a file may ask for here."""
+    return sys.maxsize if _unlimited.get() else LARGEST
+
+
+def check_size(size: int, what: str = "it") -> None:
+    """Raise ValueError where a file is about to take over 2 GB; call it before memory is taken."""
+    if size > largest():
+        raise ValueError(
+            f"{what} needs {size / 1e9:,.3g} GB, the limit is {LARGEST / 1e9:g} GB; --allow-large, in Python"
+            " cuticle.allow_large(), lifts it"
+        )
+
+
+@contextmanager
+def opened(path: str | os.PathLike[str], *, text: bool = False) -> Iterator[BinaryIO]:
+    """Open a file to read after checking its size, that of a text by what it takes once it is parsed."""
+    with open(path, "rb") as file:
+        check_size(os.fstat(file.fileno()).st_size * (_TEXT_GROWS if text else 1))
+        yield file
+
+
+def read_bytes(path: str | os.PathLike[str], what: str, *, text: bool = False) -> bytes:
+    """Return a whole file, or raise ValueError with the reason."""
+    data = bytearray()
+    with reading(path, what), opened(path, text=text) as file:
+        while chunk := file.read(_CHUNK):  # a pipe or a device does not say how much it holds
+            data += chunk
+            check_size(len(data) * (_TEXT_GROWS if text else 1))
+    return bytes(data)
 
 
 def read_text(path: str | os.PathLike[str], what: str) -> str:
-    """Return a file's text, or raise ValueError with the reason."""
-    try:
-        return Path(path).read_text(encoding="utf-8")
-    except OSError as error:
-        raise ValueError(f"cannot read {what} {path}: {error.strerror or error}") from None
-    except UnicodeDecodeError:
-        raise ValueError(f"cannot read {what} {path}: it is not text in UTF-8") from None
+    """Return the text of a file, or raise ValueError with the reason."""
+    with reading(path, what):
+        return read_bytes(path, what, text=True).decode("utf-8-sig")
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> Path:
@@ -53,25 +137,27 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> Path:
 
 def read_toml(text: str, name: str, make: Callable[[dict[str, Any]], T], *, source: str, remedy: str) -> T:
     """Return what `make` makes of the one table, [name], that TOML text holds; `source` names it in errors."""
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ValueError(f"{source} is not valid TOML: {error}") from None
-    table = document.get(name)
-    if not isinstance(table, dict) or set(document) != {name}:
-        raise ValueError(f"{source} must hold one table, [{name}], got {sorted(document) or 'nothing'}; {remedy}")
-    try:
-        return make(table)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{source}: {error}") from None
+    with reading(source, "TOML"):
+        try:
+            document = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise ValueError(f"{source} is not valid TOML: {error}") from None
+        table = document.get(name)
+        if not isinstance(table, dict) or set(document) != {name}:
+            raise ValueError(f"{source} must hold one table, [{name}], got {sorted(document) or 'nothing'}; {remedy}")
+        try:
+            return make(table)
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"{source}: {error}") from None
 
 
-def toml_tables(text: str) -> list[str]:
+def toml_tables(text: str, source: str) -> list[str]:
     """Return the names of the tables of TOML text, an empty list where it is not TOML."""
-    try:
-        return list(tomllib.loads(text))
-    except tomllib.TOMLDecodeError:
-        return []
+    with reading(source, "TOML"):
+        try:
+            return list(tomllib.loads(text))
+        except tomllib.TOMLDecodeError:
+            return []
 
 
 def toml_table(name: str, values: Mapping[str, Any]) -> str:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+import json
+import os
 import sys
 import warnings
 from collections.abc import Callable
@@ -10,6 +12,8 @@ from typing import Annotated, Any
 
 import typer
 from typer.core import TyperCommand, TyperGroup
+
+from cuticle._support.files import allow_large
 
 # Kept here so that `cuticle --help` imports none of the commands; each is the first line of that command's own help.
 COMMANDS = {
@@ -51,10 +55,37 @@ def load(name: str) -> Any:
     """Return a command by name: the function `command` of its module, or its own group `app`."""
     module = importlib.import_module(f"cuticle.cli.{name}")
     if hasattr(module, "app"):
-        return typer.main.get_command(module.app)
+        return _with_common(typer.main.get_command(module.app))
     single = typer.Typer(**_LOOK)
     single.command(name)(module.command)
-    return typer.main.get_command(single)
+    return _with_common(typer.main.get_command(single))
+
+
+def _allow_large(ctx: typer.Context, asked: bool) -> None:
+    if asked:
+        ctx.with_resource(allow_large())
+
+
+def _common(
+    large: Annotated[
+        bool, typer.Option("--allow-large", help="Read files that need over 2 GB of memory.", callback=_allow_large)
+    ] = False,
+) -> None:
+    """Hold the options that every command has."""
+
+
+def _with_common(command: Any) -> Any:
+    """Return a command, and those below it, with the options that all have."""
+    if hasattr(command, "commands"):
+        for below in command.commands.values():
+            _with_common(below)
+        return command
+    single = typer.Typer(**_LOOK)
+    single.command()(_common)
+    for option in typer.main.get_command(single).params:
+        option.expose_value = False  # their callbacks act
+        command.params.append(option)
+    return command
 
 
 app = typer.Typer(
@@ -124,14 +155,20 @@ _UsageError: Any = next(c for c in typer.BadParameter.__mro__ if c.__name__ == "
 
 
 def main() -> None:
-    """Run the command line. Bad input ends with one line and exit code 2, a failed verdict with exit code 1."""
+    """Run the command line; bad input ends with one line and exit code 2, a failed verdict with exit code 1."""
     warnings.showwarning = _note  # type: ignore[assignment]
     try:
         code = app(args=sys.argv[1:] or ["--help"], standalone_mode=False)
+        sys.stdout.flush()  # a pipe that is closed says so now
     except _UsageError as error:
         code = _complain(error.format_message())
-    except (ValueError, TypeError, RuntimeError) as error:
+    except BrokenPipeError:  # the reader has seen enough, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what Python still flushes at its end
+        code = 0
+    except (ValueError, TypeError, RuntimeError, OSError) as error:
         code = _complain(str(error))
+    except MemoryError as error:
+        code = _complain(f"there is not enough memory: {error}")
     except (KeyboardInterrupt, typer.Abort):
         code = _complain("stopped", code=130)
     sys.exit(code or 0)
@@ -148,7 +185,11 @@ def _note(message: Warning | str, *_: Any) -> None:
 
 
 def _complain(message: str, code: int = 2) -> int:
-    _err().print(f"cuticle: {' '.join(message.split())}", markup=False, highlight=False, soft_wrap=True)
+    """Print one line to standard error, and under --json an object to standard output; return the exit code."""
+    line = " ".join(message.split())
+    if "--json" in sys.argv[1:]:
+        print(json.dumps({"error": line, "exit_code": code}))
+    _note(line)
     return code
 
 

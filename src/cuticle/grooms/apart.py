@@ -11,16 +11,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cuticle._support.files import LARGEST, largest
+
 _REFUSED = 3  # the process's exit status where its last line is the message
 _SECONDS = 600
-_LIMIT = 6 * 10**9  # bytes of address space: 2 GB for the file, the rest for libraries and threads, which use a part of it
+_OWN = 4 * 10**9  # bytes of address space for libraries and their threads, which use a part of it
 
 
 def read_apart(module: str, path: Path, *arguments: object) -> dict[str, NDArray]:
     """Run `python -m module path out.npz arguments…`, which calls `serve`, and return the arrays that it writes."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "groom.npz"
-        command = [sys.executable, "-m", module, str(path.resolve()), str(out), str(_LIMIT), *map(str, arguments)]
+        command = [sys.executable, "-m", module, str(path.resolve()), str(out), str(largest() + _OWN), *map(str, arguments)]
         try:
             done = subprocess.run(command, capture_output=True, check=False, timeout=_SECONDS)
         except subprocess.TimeoutExpired:
@@ -37,12 +39,11 @@ def read_apart(module: str, path: Path, *arguments: object) -> dict[str, NDArray
 def serve(read: Callable[..., dict[str, NDArray]]) -> None:
     """Answer `read_apart`: write what `read(path, *arguments)` returns, or end with the reason."""
     path, out, limit, *arguments = sys.argv[1:]
-    if int(limit):
-        _limit_memory(int(limit))
+    _limit_memory(int(limit))
     try:
         np.savez(out, **read(path, *arguments))  # type: ignore[arg-type]
     except MemoryError:
-        reason = "it needs more memory than 2 GB"
+        reason = f"it needs over {LARGEST / 1e9:g} GB of memory; --allow-large lifts the limit"
     except Exception as error:
         reason = " ".join(str(error).split())[:300] or type(error).__name__
     else:
@@ -57,5 +58,5 @@ def _limit_memory(size: int) -> None:
     except ImportError:  # Windows
         return
     hard = resource.getrlimit(resource.RLIMIT_AS)[1]
-    if hard == resource.RLIM_INFINITY or size < hard:
+    if size < sys.maxsize - _OWN and (hard == resource.RLIM_INFINITY or size < hard):
         resource.setrlimit(resource.RLIMIT_AS, (size, hard))

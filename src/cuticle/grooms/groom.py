@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cuticle._support import validate
-from cuticle._support.files import write_text
+from cuticle._support.files import reading, write_text
 from cuticle.grooms import splines
 
 __all__ = ["Groom", "join_grooms", "read_groom"]
@@ -283,8 +283,8 @@ def read_groom(path: str | os.PathLike[str], *, radius: float | None = None, fra
         radius = validate.number("radius", radius, 0, 1e6, above=True)
     if frame is not None:
         frame = validate.number("frame", frame, -1e9, 1e9)
-    points, counts, found, bend, notes = readers.read(path, frame)
-    try:
+    with reading(path, "groom"):
+        points, counts, found, bend, notes = readers.read(path, frame)
         with np.errstate(over="ignore"):  # what is too large for single precision is refused
             points = points.astype(np.float32)
         if found is not None:
@@ -306,8 +306,6 @@ def read_groom(path: str | os.PathLike[str], *, radius: float | None = None, fra
             found = np.float32(default_radius(points) if radius is None else radius)
             bend = bend * _POSITION
         groom = Groom(points, np.append(0, np.cumsum(counts)), found, bend)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
     notes = (*notes, f"left out {left_out}") if left_out else notes
     if notes:
         warnings.warn(f"{path}: {'; '.join(notes)}", stacklevel=2)

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cuticle._support import files
 from cuticle.grooms import splines
 from cuticle.grooms.alembic import read_alembic
 from cuticle.grooms.usd import read_usd
@@ -88,10 +89,7 @@ def known_formats() -> str:
 
 def read_bytes(path: Path) -> bytes:
     """Return the whole file, or raise ValueError with the reason."""
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise ValueError(f"cannot read groom {path}: {error.strerror or error}") from None
+    return files.read_bytes(path, "groom")
 
 
 def _take(path: Path, data: bytes, at: int, kind: str, count: int, what: str) -> NDArray:
@@ -197,11 +195,7 @@ def _text(path: Path) -> Raw:
     The lines are control points of cubic B-splines, as of `bsplinecurve`. That plugin refuses a file with a strand of fewer
     than 4 lines: such a file is `linearcurve`'s, and its lines are points.
     """
-    data = read_bytes(path)
-    try:
-        lines = data.decode("utf-8").splitlines()
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{path} is not UTF-8 text: byte {error.start}") from None
+    lines = files.read_text(path, "groom").splitlines()
     rows: list[tuple[float, ...]] = []
     counts: list[int] = [0]
     for number, line in enumerate(lines, 1):
