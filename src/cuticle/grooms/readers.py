@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import struct
+from array import array
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -17,7 +18,9 @@ from numpy.typing import NDArray
 from cuticle._support import files
 from cuticle.grooms import splines
 from cuticle.grooms.alembic import read_alembic
+from cuticle.grooms.ply import read_ply
 from cuticle.grooms.usd import read_usd
+from cuticle.scattering.table_files import read_arrays
 
 
 class Raw(NamedTuple):
@@ -92,6 +95,11 @@ def read_bytes(path: Path) -> bytes:
     return files.read_bytes(path, "groom")
 
 
+def read_text(path: Path) -> str:
+    """Return the whole file as text in UTF-8, without a byte order mark, or raise ValueError with the reason."""
+    return files.read_text(path, "groom")
+
+
 def _take(path: Path, data: bytes, at: int, kind: str, count: int, what: str) -> NDArray:
     """Return `count` values of a NumPy type at byte `at`, or say where the file ends."""
     size = np.dtype(kind).itemsize * count
@@ -150,6 +158,71 @@ def _cyhair(path: Path) -> Raw:
     return Raw(xyz, counts, radius)
 
 
+def _hair(path: Path) -> Raw:
+    """Files that end in .hair: cyHair by its first four bytes, else the layout of MonoHair."""
+    with files.reading(path, "groom"), open(path, "rb") as file:
+        head = file.read(4)
+    return _monohair(path) if len(head) == 4 and head != b"HAIR" else _cyhair(path)
+
+
+def _monohair(path: Path) -> Raw:
+    """MonoHair, without a mark of its own: uint32 strands, uint32 points, uint16 points of each strand, float32 x y z."""
+    data = read_bytes(path)
+    strands, points = _header(path, data, "<II")
+    size = 8 + 2 * strands + 12 * points
+    if not strands or size != len(data):
+        raise ValueError(
+            f"{path} is neither a cyHair file, whose bytes 0 to 4 are b'HAIR', nor MonoHair's: {strands} strands of {points}"
+            f" points in all (bytes 0 and 4) take {size} bytes, the file has {len(data)}"
+        )
+    counts = _take(path, data, 8, "<u2", strands, "the strands' points").astype(np.int64)
+    if counts.sum() != points:
+        raise ValueError(f"{path}: its strands have {counts.sum()} points, it says {points} (byte 4)")
+    return Raw(_take(path, data, 8 + 2 * strands, "<f4", 3 * points, "the points").reshape(-1, 3), counts)
+
+
+def _npz(path: Path) -> Raw:
+    """NumPy arrays: `points` (strands, points, 3), or (N, 3) with `counts` (strands,) or `offsets` (strands + 1,).
+
+    `radius`, where there is one: at each point, one a strand, or a single number.
+    """
+    arrays = read_arrays(path, "groom")
+    if "points" not in arrays:
+        raise ValueError(f"it must hold points, with counts or offsets where they are (N, 3); it has {', '.join(arrays)}")
+    points = _numbers(arrays, "points")
+    if points.ndim == 3:
+        counts = np.full(points.shape[0], points.shape[1], np.int64)
+    elif "counts" in arrays:
+        counts = _numbers(arrays, "counts", "iu").astype(np.int64)
+    elif "offsets" in arrays:
+        offsets = _numbers(arrays, "offsets", "iu").astype(np.int64)
+        counts = offsets[1:] - offsets[:-1]
+    else:
+        raise ValueError(f"points of shape {points.shape} need counts or offsets; it has {', '.join(arrays)}")
+    if points.shape[-1:] != (3,) or not points.size:
+        raise ValueError(f"points must have shape (strands, points, 3) or (N, 3), got {points.shape}")
+    points = points.reshape(-1, 3)
+    if counts.ndim != 1 or (counts < 0).any() or counts.sum() != len(points):
+        raise ValueError(f"its strands must have the {len(points)} points that it holds, they have {counts.sum()}")
+    if "radius" not in arrays:
+        return Raw(points, counts)
+    radius = _numbers(arrays, "radius")
+    if radius.size == len(points):
+        return Raw(points, counts, radius.ravel())
+    if radius.size not in (1, len(counts)):
+        raise ValueError(
+            f"radius must have {len(points)} values, one a point, or {len(counts)}, one a strand, or 1; got {radius.size}"
+        )
+    return Raw(points, counts, np.repeat(np.broadcast_to(radius.ravel(), len(counts)), counts))
+
+
+def _numbers(arrays: dict[str, NDArray], name: str, kinds: str = "fiu") -> NDArray:
+    if arrays[name].dtype.kind not in kinds:
+        wanted = "numbers" if "f" in kinds else "whole numbers"
+        raise ValueError(f"{name} must be {wanted}, got an array of {arrays[name].dtype}")
+    return arrays[name]
+
+
 def _usc(path: Path) -> Raw:
     """USC-HairSalon: the number of strands as int32; for each, the number of points as int32 and their float32 x y z."""
     data = read_bytes(path)
@@ -195,8 +268,8 @@ def _text(path: Path) -> Raw:
     The lines are control points of cubic B-splines, as of `bsplinecurve`. That plugin refuses a file with a strand of fewer
     than 4 lines: such a file is `linearcurve`'s, and its lines are points.
     """
-    lines = files.read_text(path, "groom").splitlines()
-    rows: list[tuple[float, ...]] = []
+    lines = read_text(path).splitlines()
+    rows = array("d")
     counts: list[int] = [0]
     for number, line in enumerate(lines, 1):
         words = line.split()
@@ -210,11 +283,11 @@ def _text(path: Path) -> Raw:
             row = ()
         if len(row) != 4:
             raise ValueError(f"{path}: line {number} must be x y z radius, got {line.strip()[:60]!r}")
-        rows.append(row)
+        rows.extend(row)
         counts[-1] += 1
     if not rows:
         raise ValueError(f"{path} holds no strand")
-    values, strands = np.array(rows, np.float64), np.array([c for c in counts if c], np.int64)
+    values, strands = np.frombuffer(rows).reshape(-1, 4), np.array([c for c in counts if c], np.int64)
     if len(strands) > 1 and not values[-strands[-1] :, 3].any():  # what `Groom.save` adds for Mitsuba's sake
         values, strands = values[: -strands[-1]], strands[:-1]
     type_ = "cubic" if strands.min() >= 4 else "linear"
@@ -229,10 +302,12 @@ def _scene(arrays: dict[str, NDArray]) -> Raw:
 
 
 READERS = [
-    Reader("cyHair", (".hair",), _cyhair),
+    Reader("cyHair or MonoHair", (".hair",), _hair),
     Reader("USC-HairSalon", (".data",), _usc),
     Reader("TressFX 3 and 4", (".tfx",), _tressfx),
     Reader("USD", (".usd", ".usda", ".usdc", ".usdz"), lambda path, frame=None: _scene(read_usd(path, frame)), timed=True),
     Reader("Alembic", (".abc",), lambda path: _scene(read_alembic(path))),
+    Reader("PLY", (".ply",), lambda path: Raw(*read_ply(path))),
+    Reader("NumPy arrays", (".npz",), _npz),
     Reader("Mitsuba's text", (".txt", ".curves"), _text),
 ]
