@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 NATIVE := $(wildcard src/native/* include/cuticle/* include/cuticle/*/* plugins/mitsuba/*) CMakeLists.txt pyproject.toml
 
-.PHONY: demo test test-all lint format bench docs pictures clean
+.PHONY: demo test test-all fuzz lint format bench docs pictures clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.installed
@@ -21,6 +21,10 @@ test: $(VENV)/.installed-test
 test-all: $(VENV)/.installed-test
 	$(PYTEST) -m 'slow and not alone' $(SIDE_BY_SIDE)
 	$(PYTEST) -m alone
+
+# Damaged files of every format: no crash, hang, traceback, silent NaN or over-allocation. A share of it is in the tests.
+fuzz: $(VENV)/.installed-test
+	$(BIN)/python tests/fuzz/run.py $(FUZZ)
 
 lint: $(VENV)/.installed-lint
 	$(BIN)/ruff check .

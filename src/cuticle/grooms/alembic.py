@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cuticle._support.files import opened
 from cuticle.grooms.apart import read_apart, serve
 from cuticle.grooms.scene_curves import Curves, assemble, left_out
 
@@ -20,7 +21,7 @@ _SCOPES = {"kConstantScope": "constant", "kUniformScope": "uniform", "kVaryingSc
 
 def read_alembic(path: Path) -> dict[str, NDArray]:
     """Return all visible curves at the file's first time, in world space."""
-    with open(path, "rb") as file:
+    with opened(path) as file:
         _check(path, file.read(16), path.stat().st_size)
     if importlib.util.find_spec("alembic3d") is None:
         raise ValueError(f"reading {path} needs the package alembic3d: pip install 'cuticle[alembic]'; or export it as USD")

@@ -124,9 +124,8 @@ def _some(path: Path, count: int, what: str, at: int) -> None:
         raise ValueError(f"{path}: it says it holds {count} {what} (byte {at})")
 
 
-def _cyhair(path: Path) -> Raw:
+def _cyhair(path: Path, data: bytes) -> Raw:
     """Cem Yuksel's cyHair: a header of 128 bytes, then the arrays that its flags announce."""
-    data = read_bytes(path)
     magic, strands, points, flags, segments, thickness = _header(path, data, "<4sIIIIf")
     if magic != b"HAIR":
         raise ValueError(f"{path} is not a cyHair file: bytes 0 to 4 are {magic!r}, not b'HAIR'")
@@ -160,14 +159,12 @@ def _cyhair(path: Path) -> Raw:
 
 def _hair(path: Path) -> Raw:
     """Files that end in .hair: cyHair by its first four bytes, else the layout of MonoHair."""
-    with files.reading(path, "groom"), open(path, "rb") as file:
-        head = file.read(4)
-    return _monohair(path) if len(head) == 4 and head != b"HAIR" else _cyhair(path)
-
-
-def _monohair(path: Path) -> Raw:
-    """MonoHair, without a mark of its own: uint32 strands, uint32 points, uint16 points of each strand, float32 x y z."""
     data = read_bytes(path)
+    return _cyhair(path, data) if data[:4] == b"HAIR" or len(data) < 8 else _monohair(path, data)
+
+
+def _monohair(path: Path, data: bytes) -> Raw:
+    """MonoHair, without a mark of its own: uint32 strands, uint32 points, uint16 points of each strand, float32 x y z."""
     strands, points = _header(path, data, "<II")
     size = 8 + 2 * strands + 12 * points
     if not strands or size != len(data):

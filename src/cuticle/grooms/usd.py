@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cuticle._support.files import opened
 from cuticle.grooms import splines
 from cuticle.grooms.apart import read_apart, serve
 from cuticle.grooms.scene_curves import Curves, assemble, left_out
@@ -23,7 +24,7 @@ def read_usd(path: Path, frame: float | None) -> dict[str, NDArray]:
     """
     if importlib.util.find_spec("pxr") is None:
         raise ValueError(f"reading {path} needs the package usd-core: pip install 'cuticle[usd]'")
-    with open(path, "rb"):  # USD's own message for a missing file is longer
+    with opened(path):  # checks its size; USD's own message for a missing file is longer
         pass
     return read_apart(__name__, path, "" if frame is None else repr(float(frame)))
 
