@@ -18,8 +18,9 @@ NUMBER = re.compile(rb"-?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
 def mutate(data: bytes, others: list[bytes], rng: random.Random) -> bytes:
     """Return `data` damaged one to four times; a splice takes the rest of one of `others`."""
     out = bytearray(data)
-    for _ in range(rng.randint(1, 4)):
-        rng.choice(_WAYS)(out, others, rng)
+    ways = _TEXT_WAYS if data.isascii() and rng.random() < 0.9 else _WAYS  # else nearly all would be refused as no text
+    for _ in range(rng.choice((1, 1, 1, 2, 3, 4))):
+        rng.choice(ways)(out, others, rng)
     return bytes(out)
 
 
@@ -81,4 +82,10 @@ def _splice(out: bytearray, others: list[bytes], rng: random.Random) -> None:
     out[rng.randrange(len(out) + 1) :] = other[rng.randrange(len(other) + 1) :]
 
 
+def _letter(out: bytearray, _: list[bytes], rng: random.Random) -> None:
+    if out:
+        out[rng.randrange(len(out))] = rng.choice(b'0123456789.-+eE ,\n\t()[]{}=#x\0"')
+
+
+_TEXT_WAYS = (_word, _word, _word, _letter, _cut, _remove, _repeat, _splice)
 _WAYS = (_flip, _early, _integer, _float, _word, _word, _cut, _remove, _repeat, _insert, _splice)
