@@ -19,8 +19,9 @@ def mutate(data: bytes, others: list[bytes], rng: random.Random) -> bytes:
     """Return `data` damaged one to four times; a splice takes the rest of one of `others`."""
     out = bytearray(data)
     ways = _TEXT_WAYS if data.isascii() and rng.random() < 0.9 else _WAYS  # else nearly all would be refused as no text
-    for _ in range(rng.choice((1, 1, 1, 2, 3, 4))):
-        rng.choice(ways)(out, others, rng)
+    while out == data:  # a way may find nothing to change
+        for _ in range(rng.choice((1, 1, 1, 2, 3, 4))):
+            rng.choice(ways)(out, others, rng)
     return bytes(out)
 
 

@@ -111,7 +111,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=20_000, help="inputs of each reader; slow readers get a share")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--hang", type=int, default=20, help="seconds after which a reader hangs")
+    parser.add_argument("--hang", type=int, default=40, help="seconds after which a reader hangs")
     parser.add_argument("--keep", type=Path, default=Path("out/fuzz"), help="folder for files that cause a fault")
     parser.add_argument("names", nargs="*", metavar="TARGET", help=", ".join(known))
     given = parser.parse_args()

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cuticle._support.files import LARGEST, largest
 
 _REFUSED = 3  # the process's exit status where its last line is the message
-_SECONDS = 600
+_SECONDS, _SECONDS_PER_MB = 15, 3  # a whole file takes a tenth of it; a damaged one may never end
 _OWN = 4 * 10**9  # bytes of address space for libraries and their threads, which use a part of it
 
 
@@ -23,10 +23,13 @@ def read_apart(module: str, path: Path, *arguments: object) -> dict[str, NDArray
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "groom.npz"
         command = [sys.executable, "-m", module, str(path.resolve()), str(out), str(largest() + _OWN), *map(str, arguments)]
+        seconds = _SECONDS + _SECONDS_PER_MB * path.stat().st_size / 1e6
         try:
-            done = subprocess.run(command, capture_output=True, check=False, timeout=_SECONDS)
+            done = subprocess.run(command, capture_output=True, check=False, timeout=seconds)
         except subprocess.TimeoutExpired:
-            raise ValueError(f"cannot read groom {path}: its reader was stopped after {_SECONDS} s") from None
+            raise ValueError(
+                f"cannot read groom {path}: it is damaged (its reader did not end in {seconds:.0f} s)"
+            ) from None
         lines = done.stderr.decode(errors="replace").strip().splitlines() or ["it says nothing"]
         if done.returncode == _REFUSED:
             raise ValueError(f"cannot read groom {path}: {lines[-1]}")
