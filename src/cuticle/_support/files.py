@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
+import stat
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
 from typing import Any, BinaryIO, TypeVar
@@ -112,27 +114,67 @@ def read_text(path: str | os.PathLike[str], what: str) -> str:
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> Path:
-    """Write a text file whole or not at all, and return its path."""
+    """Write a text file as `write_bytes` does, and return its path."""
     return write_bytes(path, text.encode("utf-8"))
 
 
 def write_bytes(path: str | os.PathLike[str], data: bytes) -> Path:
-    """Write a file whole or not at all, and return its path."""
+    """Write a file whole or not at all, and return its path.
+
+    A link is followed. A file that exists keeps its mode and its owner. What is no regular file (a device, a FIFO) is
+    written straight into, and so is a file that others share: one with several names, or of an owner we cannot give it.
+    """
     target = Path(path)
-    temporary = None
     try:
-        handle, temporary = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-        mask = os.umask(0)
-        os.umask(mask)
-        os.chmod(temporary, 0o666 & ~mask)
-        os.replace(temporary, target)
+        before = target.stat() if target.exists() else None
+        if before is None or (stat.S_ISREG(before.st_mode) and before.st_nlink == 1 and not _is_standard_output(before)):
+            _replace(Path(os.path.realpath(target)), data, before)
+        else:
+            _write_into(target, data)
     except OSError as error:
-        if temporary is not None and os.path.exists(temporary):
-            os.unlink(temporary)
         raise ValueError(f"cannot write {target}: {error.strerror or error}") from None
     return target
+
+
+def _replace(target: Path, data: bytes, before: os.stat_result | None) -> None:
+    """Write a new file beside the target and give it the target's name."""
+    if before is not None and not os.access(target, os.W_OK):
+        raise PermissionError(errno.EACCES, "it is read-only")
+    handle, temporary = tempfile.mkstemp(prefix=".cuticle-", dir=target.parent)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(data)
+        if before is None:
+            mask = os.umask(0)
+            os.umask(mask)
+            os.chmod(temporary, 0o666 & ~mask)
+        else:
+            made = os.stat(temporary)
+            if (made.st_uid, made.st_gid) != (before.st_uid, before.st_gid):
+                try:
+                    os.chown(temporary, before.st_uid, before.st_gid)
+                except PermissionError:
+                    _write_into(target, data)
+                    return
+            os.chmod(temporary, stat.S_IMODE(before.st_mode))  # after chown, which clears bits
+        os.replace(temporary, target)
+    finally:
+        if os.path.exists(temporary):  # also when it is stopped
+            os.unlink(temporary)
+
+
+def _write_into(target: Path, data: bytes) -> None:
+    with open(target, "wb") as file:
+        file.write(data)
+
+
+def _is_standard_output(found: os.stat_result) -> bool:
+    """Whether a file is what standard output or error goes to: to replace it would lose what was printed."""
+    for descriptor in (1, 2):
+        with suppress(OSError):
+            if os.path.samestat(found, os.fstat(descriptor)):
+                return True
+    return False
 
 
 def read_toml(text: str, name: str, make: Callable[[dict[str, Any]], T], *, source: str, remedy: str) -> T:
@@ -172,14 +214,65 @@ def toml_table(name: str, values: Mapping[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def writable_directory(path: str | os.PathLike[str], *, make: bool = True) -> Path:
-    """Return a directory after checking that files can be written to it; create it if `make`, or raise ValueError."""
+def check_file(path: str | os.PathLike[str]) -> Path:
+    """Return the path of a file after checking that it can be written, or raise ValueError; nothing is made."""
     target = Path(path)
+    if not str(path):
+        raise ValueError("the file to write has no name: give -o FILE")
+    if target.is_dir():
+        raise ValueError(f"cannot write {target}: it is a folder; name the file")
+    if target.exists():
+        if stat.S_ISSOCK(target.stat().st_mode):
+            raise ValueError(f"cannot write {target}: it is a socket")
+        if not os.access(target, os.W_OK):
+            raise ValueError(f"cannot write {target}: it is read-only")
+        if not target.is_file():
+            return target
+    elif not Path(os.path.realpath(target)).parent.is_dir():
+        raise ValueError(f"cannot write to {target.parent}: No such file or directory")
+    _check_writable(Path(os.path.realpath(target)).parent, target)
+    return target
+
+
+def check_directory(path: str | os.PathLike[str]) -> Path:
+    """Return a folder's path after checking that it is one, or can be made, and can be written to; nothing is made."""
+    target = Path(path)
+    if str(path) == "-":
+        raise ValueError(
+            "cannot write several files to standard output: give -o DIR; `-` is for commands that write one text"
+        )
+    there = next(p for p in (target, *target.parents) if p.exists())
+    if not there.is_dir():
+        raise ValueError(f"cannot write to {target}: {there} is a file: Not a directory")
+    _check_writable(there, target)
+    return target
+
+
+def _check_writable(folder: Path, target: Path) -> None:
     try:
-        if make:
-            target.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=target):
+        with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
         raise ValueError(f"cannot write to {target}: {error.strerror or error}") from None
+
+
+def make_directory(path: str | os.PathLike[str]) -> Path:
+    """Return a folder, made with its parents if it is missing, or raise ValueError."""
+    target = check_directory(path)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ValueError(f"cannot write to {target}: {error.strerror or error}") from None
     return target
+
+
+@contextmanager
+def filling(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Give a folder to write to; its files move to `path` at the end, and none do if the work fails or is stopped."""
+    target = check_directory(path)
+    with tempfile.TemporaryDirectory(prefix="cuticle-") as work:
+        yield Path(work)
+        for file in sorted(p for p in Path(work).rglob("*") if p.is_file()):
+            place = target / file.relative_to(work)
+            make_directory(place.parent)
+            write_bytes(place, file.read_bytes())

@@ -20,7 +20,7 @@ from cuticle._support.files import reading
 from cuticle.checking.measurements import RowsOfFile, ViewerOfFile
 from cuticle.checking.regions import repeated_angles
 from cuticle.checking.tests import ATOM, TESTS
-from cuticle.checking.verdicts import Judge, Judged, Thresholds, Verdict, deviations, sidak
+from cuticle.checking.verdicts import LIMITS, Judge, Judged, Thresholds, Verdict, deviations, sidak
 from cuticle.scattering.bcsdf import luminance
 from cuticle.scattering.table_files import read_arrays, read_rows
 
@@ -79,7 +79,8 @@ def audit_dump(path: str | os.PathLike[str], *, level: float = 1e-4, seed: int =
     ValueError
         The file cannot be read, or does not hold these columns.
     """
-    validate.number("level", level, 1e-9, 0.5)
+    validate.number("level", level, *LIMITS["level"])
+    validate.integer("seed", seed, *LIMITS["seed"])
     with reading(path, "samples"):
         direction, pdf, weight, viewer = _read(path)
     length = np.linalg.norm(direction, axis=1)

@@ -5,9 +5,12 @@ from __future__ import annotations
 import importlib
 import json
 import os
+import re
+import signal
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Annotated, Any
 
 import typer
@@ -155,23 +158,53 @@ _UsageError: Any = next(c for c in typer.BadParameter.__mro__ if c.__name__ == "
 
 
 def main() -> None:
-    """Run the command line; bad input ends with one line and exit code 2, a failed verdict with exit code 1."""
+    """Run the command line: bad input ends with one line and exit code 2, a failed verdict with 1, an open one with 3."""
     warnings.showwarning = _note  # type: ignore[assignment]
+    with _interruption() as stopped:
+        code = _run(stopped)
+        if stopped() or code == 130:  # a library between may have taken it for its own, and gone on
+            code = 130
+            _complain("stopped", code)
+    sys.exit(code)
+
+
+def _run(stopped: Callable[[], bool]) -> int:
     try:
+        for argument in sys.argv[1:]:
+            if not argument or re.fullmatch(r"--[\w-]+=", argument):  # a path of no letters would be the current folder
+                raise ValueError(f"an argument is empty: {argument or repr('')}; leave it out, or give it a value")
         code = app(args=sys.argv[1:] or ["--help"], standalone_mode=False)
         sys.stdout.flush()  # a pipe that is closed says so now
-    except _UsageError as error:
-        code = _complain(error.format_message())
-    except BrokenPipeError:  # the reader has seen enough, as `head` does
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what Python still flushes at its end
-        code = 0
-    except (ValueError, TypeError, RuntimeError, OSError) as error:
-        code = _complain(str(error))
-    except MemoryError as error:
-        code = _complain(f"there is not enough memory: {error}")
+        return code or 0
     except (KeyboardInterrupt, typer.Abort):
-        code = _complain("stopped", code=130)
-    sys.exit(code or 0)
+        return 130
+    except BrokenPipeError:  # the reader has seen enough, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # for what Python flushes at its end
+        return 0
+    except Exception as error:
+        if stopped():  # a library between has made another error of it
+            return 130
+        if isinstance(error, _UsageError):
+            return _complain(error.format_message())
+        if isinstance(error, (ValueError, TypeError, RuntimeError, OSError, MemoryError)):
+            return _complain(str(error) or type(error).__name__)
+        raise
+
+
+@contextmanager
+def _interruption() -> Iterator[Callable[[], bool]]:
+    """Return what says whether Ctrl-C was pressed within."""
+    pressed = []
+
+    def stop(*_: Any) -> None:
+        pressed.append(True)
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGINT, stop)
+    try:
+        yield lambda: bool(pressed)
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _err() -> Any:

@@ -11,11 +11,11 @@ import typer
 from typer.core import TyperGroup
 
 from cuticle._support import validate
-from cuticle._support.files import writable_directory
+from cuticle._support.files import check_directory, check_file, filling
 from cuticle.cli.tables import table
-from cuticle.cli.terminal import JsonOption, out, progress_bar
+from cuticle.cli.terminal import JsonOption, out, progress_bar, refuse_idle
 from cuticle.fitting.fit import SAMPLINGS
-from cuticle.grooms.groom import Groom, join_grooms, read_groom
+from cuticle.grooms.groom import MAX_FOLLOWERS, Groom, join_grooms, read_groom
 from cuticle.grooms.procedural import hair_ball, hair_head, wavy_lock
 from cuticle.grooms.readers import known_formats
 from cuticle.render.scene import INTEGRATORS, LIGHTS, Light, View, bsdf, integrator, load_scene, mitsuba
@@ -67,12 +67,22 @@ ZoomOption = Annotated[float, typer.Option(help="Magnification; 1 fits the whole
 VariantOption = Annotated[str, typer.Option(help="Mitsuba variant.")]
 
 
+def _check_groom(ctx: typer.Context, radius: float | None, tip: float | None, followers: int, spread: float | None) -> None:
+    if tip is not None and radius is None:
+        raise ValueError("--tip needs --radius, the radius at the root")
+    if radius is not None:
+        validate.number("--radius", radius, 0, 1e6, above=True)
+    if tip is not None:
+        validate.number("--tip", tip, 0, 1e6)
+    if not validate.integer("--followers", followers, 0, MAX_FOLLOWERS):
+        refuse_idle(ctx, "without --followers", "spread")
+    if spread is not None:
+        validate.number("--spread", spread, 0, 1e6)
+
+
 def _groom(
     names: list[str], radius: float | None, tip: float | None, followers: int, spread: float | None, frame: float | None
 ) -> Groom:
-    if tip is not None and radius is None:
-        raise ValueError("--tip needs --radius, the radius at the root")
-    validate.integer("--followers", followers, 0, 1000)
     if frame is not None and all(n in BUILT_IN for n in names):
         raise ValueError("--frame is the time to read a USD file at; a built-in groom has none, leave it out")
     grooms = [BUILT_IN[n]() if n in BUILT_IN else read_groom(n, radius=radius, frame=frame) for n in names]
@@ -94,6 +104,7 @@ def _check_fibre(name: str) -> None:
 
 @app.command("picture")
 def picture_command(
+    ctx: typer.Context,
     groom: GroomArgument,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="The picture to write, .exr or .png.")],
     fibre: FibreOption = "brown",
@@ -120,11 +131,20 @@ def picture_command(
     json_output: JsonOption = False,
 ) -> None:
     """Render a groom to an EXR or a PNG file."""
-    from cuticle.render.picture import MAX_SPP, picture_path, render, save_picture
+    from cuticle.render.picture import MAX_EXPOSURE, MAX_SEED, MAX_SPP, picture_path, render, save_picture
 
     target = picture_path(output)
-    writable_directory(target.parent, make=False)
+    check_file(target)
     validate.integer("--spp", spp, 1, MAX_SPP)
+    validate.integer("--seed", seed, 0, MAX_SEED)
+    validate.number("--exposure", exposure, -MAX_EXPOSURE, MAX_EXPOSURE, unit="stops")
+    if target.suffix.lower() != ".png":
+        refuse_idle(ctx, "for an .exr, which is linear", "exposure")
+    if technique != "path":
+        refuse_idle(ctx, "without --integrator path", "depth")
+    if technique != "dual":
+        refuse_idle(ctx, "without --integrator dual", "counter")
+    _check_groom(ctx, radius, tip, followers, spread)
     view = View(azimuth=azimuth, elevation=elevation, width=width, height=width if height is None else height, zoom=zoom)
     lit = Light(light, strength)
     validate.choice("--counter", counter, ("grid", "trace"))
@@ -150,6 +170,7 @@ def picture_command(
 
 @app.command("compare")
 def compare_command(
+    ctx: typer.Context,
     groom: GroomArgument,
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for compare.json, sheet.png, curves.png.")
@@ -173,12 +194,13 @@ def compare_command(
     """Compare uniform, document and lobes sampling on one scene: errors at equal samples and at equal time."""
     validate.number("--seconds", seconds, 0.1, 3600)
     validate.integer("--reference-spp", reference_spp, 16, 1 << 20)
+    _check_groom(ctx, radius, tip, followers, spread)
     view = View(azimuth=azimuth, elevation=elevation, width=width, height=width, zoom=zoom)
     lit = Light(light)
     _check_fibre(fibre)
     hair = _groom(groom, radius, tip, followers, spread, frame)
     mitsuba(variant)
-    folder = writable_directory(output)
+    check_directory(output)
     from cuticle.render.compare import compare_samplings
 
     with progress_bar(json_output) as progress:
@@ -192,7 +214,8 @@ def compare_command(
             variant=variant,
             progress=progress,
         )
-    result.save(folder)
+    with filling(output) as folder:
+        result.save(folder)
     plain = result.to_dict()
     if json_output:
         print(json.dumps(plain, indent=2))
@@ -215,4 +238,4 @@ def compare_command(
         )
     out.print(grid)
     out.print("gain: how many times longer uniform sampling takes to reach the same error")
-    out.print(f"wrote {folder / 'compare.json'}, {folder / 'sheet.png'}, {folder / 'curves.png'}", soft_wrap=True)
+    out.print(f"wrote {output / 'compare.json'}, {output / 'sheet.png'}, {output / 'curves.png'}", soft_wrap=True)
