@@ -1,4 +1,4 @@
-"""What is fuzzed: a reader each, with small valid files to damage. A new reader is one more row of `TARGETS`."""
+"""What is fuzzed: a reader each, with small valid files to damage. A new reader is one more row in `targets`."""
 
 from __future__ import annotations
 
@@ -183,6 +183,29 @@ def _usdc() -> list[bytes]:
         return [path.read_bytes()]
 
 
+def _abc() -> list[bytes]:
+    """Two linear curves, written by Alembic's own library."""
+    import tempfile
+
+    import imath
+    from alembic3d import Abc, AbcGeom
+
+    positions, counts, widths = imath.V3fArray(2 * N), imath.IntArray(2), imath.FloatArray(1)
+    for k, p in enumerate(POINTS):
+        positions[k] = imath.V3f(*map(float, p))
+    counts[0] = counts[1] = N
+    widths[0] = 0.1
+    how = AbcGeom.CurveType.kLinear, AbcGeom.CurvePeriodicity.kNonPeriodic
+    given = AbcGeom.OFloatGeomParamSample(widths, AbcGeom.GeometryScope.kConstantScope)
+    rest = AbcGeom.OV2fGeomParamSample(), AbcGeom.ON3fGeomParamSample(), AbcGeom.BasisType.kNoBasis
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "a.abc"
+        made = AbcGeom.OCurves(Abc.OArchive(str(path)).getTop(), "hair")
+        made.getSchema().set(AbcGeom.OCurvesSchemaSample(positions, counts, *how, given, *rest))
+        del made  # closes the archive
+        return [path.read_bytes()]
+
+
 TABLE = b"theta_r_deg,theta_i_deg,phi_deg,f\n" + b"".join(
     b"%d,%d,%d,0.5\n" % (r, i, p) for r in (-20, 0, 20) for i in range(-90, 91, 30) for p in range(-180, 181, 30)
 )
@@ -208,6 +231,8 @@ def targets() -> list[Target]:
             Target("a.usda", [USDA], read_groom, groom_is_whole, share=0.002),
             Target("a.usdc", _usdc(), read_groom, groom_is_whole, share=0.002),
         ]
+    if importlib.util.find_spec("alembic3d") is not None:
+        grooms.append(Target("a.abc", _abc(), read_groom, groom_is_whole, share=0.002))
     return grooms
 
 
