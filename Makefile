@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 NATIVE := $(wildcard src/native/* include/cuticle/* include/cuticle/*/* plugins/mitsuba/*) CMakeLists.txt pyproject.toml
 
-.PHONY: demo test test-all lint format bench docs pictures clean
+.PHONY: demo test test-all fuzz lint format bench docs pictures clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.installed
@@ -21,6 +21,10 @@ test: $(VENV)/.installed-test
 test-all: $(VENV)/.installed-test
 	$(PYTEST) -m 'slow and not alone' $(SIDE_BY_SIDE)
 	$(PYTEST) -m alone
+
+# Damaged files of every format: no crash, hang, traceback, silent NaN or over-allocation. A share of it is in the tests.
+fuzz: $(VENV)/.installed-test
+	$(BIN)/python tests/fuzz/run.py $(FUZZ)
 
 lint: $(VENV)/.installed-lint
 	$(BIN)/ruff check .
@@ -51,7 +55,8 @@ $(VENV)/.installed: $(NATIVE) | $(BIN)/python
 # why they are skipped.
 TOOLS := chromium chromium-driver fonts-dejavu-core glslang-tools spirv-cross clang
 $(VENV)/.installed-test: $(VENV)/.installed
-	$(PIP) install 'hypothesis>=6' 'karellen-llvm-core>=19' 'pytest>=8' 'pytest-xdist>=3.7' 'selenium>=4.20'
+	$(PIP) install 'alembic3d>=1.8.12' 'hypothesis>=6' 'karellen-llvm-core>=19' 'pytest>=8' 'pytest-xdist>=3.7' \
+		'selenium>=4.20' 'usd-core>=23.11'
 	@if command -v chromium >/dev/null && command -v chromedriver >/dev/null && command -v glslangValidator >/dev/null \
 		&& command -v clang++ >/dev/null && command -v spirv-cross >/dev/null; then :; \
 	elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \

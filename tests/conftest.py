@@ -16,6 +16,7 @@ import cuticle
 from browser import start
 from cuticle.draft.document import Document, document
 from cuticle.draft.printed import Printed
+from cuticle.grooms.groom import Groom
 
 # karellen-llvm-core puts LLVM here; Dr.Jit wants to be told before it is imported.
 LLVM = sorted(Path(sys.prefix, "lib").glob("libLLVM.so*")) + sorted(Path(sys.prefix, "lib").glob("libLLVM.dylib"))
@@ -53,6 +54,14 @@ def sharp_fit() -> tuple[cuticle.DualScattering, cuticle.Fit]:
 def reproduced(document_model: cuticle.DualScattering, document_fit: cuticle.Fit) -> Document:
     """The draft for its own fibre, beside the printed tables where they are at hand."""
     return document(document_model, printed=Printed.find(), lobes=document_fit, name="document")
+
+
+@pytest.fixture
+def groom() -> Groom:
+    """Four strands of random points, of 2, 5, 3 and 4."""
+    rng = np.random.default_rng(2)
+    offsets = np.array([0, 2, 7, 10, 14])
+    return Groom(rng.normal(size=(14, 3)), offsets, rng.uniform(0.01, 0.02, 14))
 
 
 @pytest.fixture(scope="session")

@@ -63,7 +63,7 @@ def test_the_command(tmp_path: Path) -> None:
         (("audit", "nothing"), "an audit needs"),
         (("audit", "hair.toml", "x=1"), "key=value parameters go with mitsuba:PLUGIN"),
         (("audit", "hair.toml", "--theta-r", "90"), "--theta-r must be in"),
-        (("audit", "hair.toml", "--h", "2"), "h must lie in"),
+        (("audit", "hair.toml", "--h", "2"), "--h must be in"),
         (("audit", "missing.npz"), "cannot read samples"),
     ):
         done = run(*arguments, cwd=tmp_path)

@@ -102,7 +102,7 @@ def test_the_program_starts_and_ends_as_its_function_does(tmp_path: Path) -> Non
         (("fit", "brown", "-o", "x", "--form", "gauss"), "--form must be one of lobes, document"),
         (("fit", "brown", "-o", "x", "--objective", "red"), "--objective must be one of luminance, rgb"),
         (("fit", "brown", "-o", "x", "--defensive", "2"), "--defensive must be in [0, 0.99], got 2"),
-        (("fit", "brown", "-o", "a-file/x"), "cannot write to a-file/x: Not a directory"),
+        (("fit", "brown", "-o", "a-file/x"), "cannot write to a-file/x: a-file is a file"),
         (("fit", "brown"), "Missing option '-o'"),
         (("fit", "brown", "-o", "x", "--speed", "9"), "No such option: --speed"),
         (("check", "none.json"), "cannot read sampler none.json: No such file or directory"),
@@ -197,3 +197,37 @@ def test_document_and_report_refuse_bad_input(arguments: tuple[str, ...], words:
 @pytest.mark.parametrize("name", COMMANDS)
 def test_the_list_of_commands_says_what_each_says_of_itself(name: str) -> None:
     assert load(name).help.splitlines()[0] == COMMANDS[name]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("audit", "d.npz", "--strands", "2"), "--strands does nothing for a file of samples"),
+        (("audit", "d.csv", "--energy"), "--energy does nothing for a file of samples"),
+        (("audit", "SAMPLER", "--variant", "nope"), "--variant does nothing for a sampler's file"),
+        (("audit", "SAMPLER", "--h", "0.0"), "--h does nothing for a sampler's file"),
+        (("audit", "mitsuba:hair", "--strands", "2"), "--strands does nothing for a plugin"),
+        (("fit", "brown", "--defensive", ".1", "-o", "out"), "--defensive does nothing without --form document"),
+        (("fit", "brown", "--form", "document", "--lobes", "3", "-o", "out"), "--lobes does nothing with --form document"),
+        (("render", "lock", "--depth", "3", "-o", "a.png"), "--depth does nothing without --integrator path"),
+        (("render", "lock", "--spread", "3", "-o", "a.png"), "--spread does nothing without --followers"),
+        (("render", "lock", "--exposure", "1", "-o", "a.exr"), "--exposure does nothing for an .exr"),
+        (("render", "lock", "--exposure", "nan", "-o", "a.png"), "--exposure must be in [-32, 32] stops, got nan"),
+        (("render", "lock", "--exposure", "1e9", "-o", "a.png"), "--exposure must be in [-32, 32] stops, got 1e+09"),
+        (("render", "lock", "--seed", "-1", "-o", "a.png"), "--seed must be in [0, 10000], got -1"),
+        (("render", "lock", "--radius", "0", "-o", "a.png"), "--radius must be in (0, 1e+06], got 0"),
+        (("render", "compare", "lock", "--radius", "nan", "-o", "a"), "--radius must be in (0, 1e+06], got nan"),
+        (("render", "lock", "--radius", "1", "--tip", "-1", "-o", "a.png"), "--tip must be in [0, 1e+06], got -1"),
+        (("render", "lock", "--strength", "inf", "-o", "a.png"), "strength must be in (0, 1e+06], got inf"),
+        (("render", "lock", "--zoom", "nan", "-o", "a.png"), "zoom must be in [0.1, 100], got nan"),
+        (("check", "SAMPLER", "--samples", "0"), "--samples must be in [10000, 1e+08], got 0"),
+        (("audit", "SAMPLER", "--level", "nan"), "--level must be in [1e-09, 0.5], got nan"),
+        (("check", ""), "an argument is empty: ''"),
+        (("fit", "brown", "--output="), "an argument is empty: --output="),
+        (("report", ""), "an argument is empty"),
+    ],
+)
+def test_what_does_nothing_and_what_is_no_value_is_refused_before_any_work(
+    arguments: tuple[str, ...], words: str, fitted: Path, tmp_path: Path
+) -> None:
+    refused(*(str(fitted) if a == "SAMPLER" else a for a in arguments), words=words, cwd=tmp_path)

@@ -227,6 +227,20 @@ def test_the_camera_sees_every_point(ball: Groom) -> None:
         assert (tangents / limit).max() >= 0.85  # and fills the picture
 
 
+@pytest.mark.parametrize("scale", [1e-3, 1e8])
+def test_the_unit_does_not_matter(scale: float, use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    ball = hair_ball(200).with_thickness(0.02)
+    there = Groom(ball.points * np.float32(scale), ball.offsets, ball.radius * np.float32(scale))
+    a, b = (
+        render(load_scene(mi, g, bsdf("brown"), view=View(width=32, height=32), technique=integrator("direct")), 16).image
+        for g in (ball, there)
+    )
+    assert b[..., 3].mean() == pytest.approx(a[..., 3].mean(), rel=0.02)  # the same rays, rounded elsewhere
+    with pytest.raises(ValueError, match="at least 0.001 across to be rendered, got 3.86e-06; scale it up"):
+        load_scene(mi, Groom(ball.points * 1e-6, ball.offsets, ball.radius * 1e-6), bsdf("brown"))
+
+
 def test_passes_average_to_one_picture(ball: Groom, use_variant: UseVariant) -> None:
     scene = load_scene(
         use_variant("scalar_rgb"), ball, bsdf("brown"), view=View(width=16, height=16), technique=integrator("dual")

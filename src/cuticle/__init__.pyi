@@ -2,6 +2,7 @@ from . import draft as draft
 from . import export as export
 from . import grooms as grooms
 from . import render as render
+from ._support.files import allow_large as allow_large
 from ._support.version import __version__ as __version__
 from .checking.audit import Audit as Audit
 from .checking.audit import audit as audit

@@ -1,5 +1,5 @@
 """`python -m cuticle`: the command line."""
 
-from cuticle.cli.app import main
+from cuticle.cli import main
 
 main()

@@ -18,7 +18,7 @@ from cuticle.checking.audit_viewer import MEAN_CELLS, measure_viewer
 from cuticle.checking.foreign_sampler import foreign_sampler
 from cuticle.checking.measurements import AuditMeasurement, Reciprocity
 from cuticle.checking.tests import ATOM, TESTS
-from cuticle.checking.verdicts import Judge, Judged, Test, Thresholds, Verdict, deviations, sidak
+from cuticle.checking.verdicts import LIMITS, Judge, Judged, Test, Thresholds, Verdict, deviations, sidak
 from cuticle.sampling.quality import MEASURED_AT
 
 SAMPLES = 200_000
@@ -139,9 +139,9 @@ def audit(
     angles = np.atleast_1d(angles).ravel()
     if not len(angles):
         raise ValueError("theta_r must name at least one viewer, got none")
-    validate.integer("samples", samples, 10_000, 100_000_000)
-    validate.number("level", level, 1e-9, 0.5)
-    validate.integer("seed", seed, 0, 2**63 - 1)
+    validate.integer("samples", samples, *LIMITS["samples"])
+    validate.number("level", level, *LIMITS["level"])
+    validate.integer("seed", seed, *LIMITS["seed"])
     if (reciprocity or energy) and sampler.eval is None:
         raise ValueError("reciprocity and energy test f: give eval")
     report = progress or (lambda phase, fraction: None)

@@ -14,7 +14,7 @@ from cuticle.checking.cell_probabilities import CELLS, CellProbabilities, compar
 from cuticle.checking.measurements import CheckMeasurement, Control, Controls, Drawn
 from cuticle.checking.sphere_integrals import integrate_pdf
 from cuticle.checking.tests import INTEGRAL_DOUBLE, TESTS
-from cuticle.checking.verdicts import Judge, Judged, Test, Thresholds, Verdict, deviations, sidak
+from cuticle.checking.verdicts import LIMITS, Judge, Judged, Test, Thresholds, Verdict, deviations, sidak
 from cuticle.sampling.lobe_table import SIGMA_PHI, SIGMA_THETA
 from cuticle.sampling.quality import MEASURED_AT, measure
 from cuticle.sampling.sampler import Sampler
@@ -81,9 +81,9 @@ def check(
     """
     angles = MEASURED_AT if theta_r is None else validate.angles("theta_r", theta_r, np.pi / 2 * (1 - 1e-6), np.float64)
     counts = sampler.covers if strands is None else validate.strand_counts("strands", strands)
-    validate.integer("samples", samples, 10_000, 100_000_000)
-    validate.number("level", level, 1e-9, 0.5)
-    validate.integer("seed", seed, 0, 2**63 - 1)
+    validate.integer("samples", samples, *LIMITS["samples"])
+    validate.number("level", level, *LIMITS["level"])
+    validate.integer("seed", seed, *LIMITS["seed"])
     report = progress or (lambda phase, fraction: None)
     pairs = [(float(t), n) for n in counts for t in np.atleast_1d(angles)]
     each = sidak(level, len(pairs))

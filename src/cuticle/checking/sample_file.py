@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc, ndtr
 
 from cuticle._support import validate
+from cuticle._support.files import reading
 from cuticle.checking.measurements import RowsOfFile, ViewerOfFile
 from cuticle.checking.regions import repeated_angles
 from cuticle.checking.tests import ATOM, TESTS
-from cuticle.checking.verdicts import Judge, Judged, Thresholds, Verdict, deviations, sidak
+from cuticle.checking.verdicts import LIMITS, Judge, Judged, Thresholds, Verdict, deviations, sidak
 from cuticle.scattering.bcsdf import luminance
 from cuticle.scattering.table_files import read_arrays, read_rows
 
@@ -78,8 +79,10 @@ def audit_dump(path: str | os.PathLike[str], *, level: float = 1e-4, seed: int =
     ValueError
         The file cannot be read, or does not hold these columns.
     """
-    validate.number("level", level, 1e-9, 0.5)
-    direction, pdf, weight, viewer = _read(path)
+    validate.number("level", level, *LIMITS["level"])
+    validate.integer("seed", seed, *LIMITS["seed"])
+    with reading(path, "samples"):
+        direction, pdf, weight, viewer = _read(path)
     length = np.linalg.norm(direction, axis=1)
     none = pdf == 0
     bad = ~none & (~np.isfinite(direction).all(axis=1) | ~np.isfinite(pdf) | (pdf < 0) | ~(np.abs(length - 1) < 1e-3))
@@ -229,7 +232,7 @@ def _read(path: str | os.PathLike[str]) -> tuple[Array, Array, Array | None, Arr
         raise ValueError(f"{path}: direction has shape {direction.shape} and pdf {pdf.shape}; {_HELP}")
     weight = arrays.get("weight")
     if weight is not None:
-        if weight.shape[:1] != (n,) or weight.ndim > 2:
+        if weight.shape[:1] != (n,) or weight.ndim > 2 or 0 in weight.shape:
             raise ValueError(f"{path}: weight has shape {weight.shape} for {n:,} rows; {_HELP}")
         weight = luminance(weight) if weight.ndim == 2 else weight
     viewer = arrays.get("viewer", np.zeros(n))

@@ -13,6 +13,7 @@ from scipy.special import ndtri
 from cuticle._support.plain_values import plain
 from cuticle.checking.measurements import Measurement
 
+LIMITS: Any = {"samples": (10_000, 100_000_000), "level": (1e-9, 0.5), "seed": (0, 2**63 - 1)}
 _NOT_WRITTEN = ("maps", "drawn")
 M = TypeVar("M")
 

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import importlib
+import json
+import os
+import re
+import signal
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperCommand, TyperGroup
+
+from cuticle._support.files import allow_large
 
 # Kept here so that `cuticle --help` imports none of the commands; each is the first line of that command's own help.
 COMMANDS = {
@@ -51,10 +58,37 @@ def load(name: str) -> Any:
     """Return a command by name: the function `command` of its module, or its own group `app`."""
     module = importlib.import_module(f"cuticle.cli.{name}")
     if hasattr(module, "app"):
-        return typer.main.get_command(module.app)
+        return _with_common(typer.main.get_command(module.app))
     single = typer.Typer(**_LOOK)
     single.command(name)(module.command)
-    return typer.main.get_command(single)
+    return _with_common(typer.main.get_command(single))
+
+
+def _allow_large(ctx: typer.Context, asked: bool) -> None:
+    if asked:
+        ctx.with_resource(allow_large())
+
+
+def _common(
+    large: Annotated[
+        bool, typer.Option("--allow-large", help="Read files that need over 2 GB of memory.", callback=_allow_large)
+    ] = False,
+) -> None:
+    """Hold the options that every command has."""
+
+
+def _with_common(command: Any) -> Any:
+    """Return a command, and those below it, with the options that all have."""
+    if hasattr(command, "commands"):
+        for below in command.commands.values():
+            _with_common(below)
+        return command
+    single = typer.Typer(**_LOOK)
+    single.command()(_common)
+    for option in typer.main.get_command(single).params:
+        option.expose_value = False  # their callbacks act
+        command.params.append(option)
+    return command
 
 
 app = typer.Typer(
@@ -124,17 +158,53 @@ _UsageError: Any = next(c for c in typer.BadParameter.__mro__ if c.__name__ == "
 
 
 def main() -> None:
-    """Run the command line. Bad input ends with one line and exit code 2, a failed verdict with exit code 1."""
+    """Run the command line: bad input ends with one line and exit code 2, a failed verdict with 1, an open one with 3."""
     warnings.showwarning = _note  # type: ignore[assignment]
+    with _interruption() as stopped:
+        code = _run(stopped)
+        if stopped() or code == 130:  # a library between may have taken it for its own, and gone on
+            code = 130
+            _complain("stopped", code)
+    sys.exit(code)
+
+
+def _run(stopped: Callable[[], bool]) -> int:
     try:
+        for argument in sys.argv[1:]:
+            if not argument or re.fullmatch(r"--[\w-]+=", argument):  # a path of no letters would be the current folder
+                raise ValueError(f"an argument is empty: {argument or repr('')}; leave it out, or give it a value")
         code = app(args=sys.argv[1:] or ["--help"], standalone_mode=False)
-    except _UsageError as error:
-        code = _complain(error.format_message())
-    except (ValueError, TypeError, RuntimeError) as error:
-        code = _complain(str(error))
+        sys.stdout.flush()  # a pipe that is closed says so now
+        return code or 0
     except (KeyboardInterrupt, typer.Abort):
-        code = _complain("stopped", code=130)
-    sys.exit(code or 0)
+        return 130
+    except BrokenPipeError:  # the reader has seen enough, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # for what Python flushes at its end
+        return 0
+    except Exception as error:
+        if stopped():  # a library between has made another error of it
+            return 130
+        if isinstance(error, _UsageError):
+            return _complain(error.format_message())
+        if isinstance(error, (ValueError, TypeError, RuntimeError, OSError, MemoryError)):
+            return _complain(str(error) or type(error).__name__)
+        raise
+
+
+@contextmanager
+def _interruption() -> Iterator[Callable[[], bool]]:
+    """Return what says whether Ctrl-C was pressed within."""
+    pressed = []
+
+    def stop(*_: Any) -> None:
+        pressed.append(True)
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGINT, stop)
+    try:
+        yield lambda: bool(pressed)
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _err() -> Any:
@@ -148,7 +218,11 @@ def _note(message: Warning | str, *_: Any) -> None:
 
 
 def _complain(message: str, code: int = 2) -> int:
-    _err().print(f"cuticle: {' '.join(message.split())}", markup=False, highlight=False, soft_wrap=True)
+    """Print one line to standard error, and under --json an object to standard output; return the exit code."""
+    line = " ".join(message.split())
+    if "--json" in sys.argv[1:]:
+        print(json.dumps({"error": line, "exit_code": code}))
+    _note(line)
     return code
 
 

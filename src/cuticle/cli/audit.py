@@ -11,19 +11,36 @@ from rich.table import Table
 
 from cuticle._support import validate
 from cuticle._support.backends import check_backend
-from cuticle._support.files import read_text, writable_directory, write_text
+from cuticle._support.files import check_directory, filling, read_text, write_text
 from cuticle.checking.audit import LEVEL, SAMPLES, Audit, audit
 from cuticle.checking.sample_file import Dump, audit_dump
+from cuticle.checking.verdicts import LIMITS
 from cuticle.cli.tables import ess_text, table, verdict_table
-from cuticle.cli.terminal import JsonOption, ParametersArgument, out, progress_bar
+from cuticle.cli.terminal import JsonOption, ParametersArgument, out, progress_bar, refuse_idle
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.bcsdf import with_strands
 from cuticle.scattering.by_name import MITSUBA, model_of, read_model, read_parameters
 from cuticle.scattering.chiang import Chiang
 from cuticle.scattering.from_mitsuba import from_mitsuba
 
+PLUGIN, SAMPLER, DUMP, CHIANG = "a plugin", "a sampler's file", "a file of samples", "a .toml with [chiang]"
+_IDLE = {  # options that do nothing with each
+    PLUGIN: ("strands",),
+    SAMPLER: ("h", "variant"),
+    DUMP: ("h", "theta_r", "strands", "samples", "variant", "reciprocity", "energy"),
+    CHIANG: ("strands", "variant"),
+}
+
+
+def _kind(source: str) -> str:
+    if source.startswith(MITSUBA):
+        return PLUGIN
+    ending = Path(source).suffix.lower()
+    return DUMP if ending in (".npz", ".csv") else CHIANG if ending == ".toml" else SAMPLER
+
 
 def command(
+    ctx: typer.Context,
     source: Annotated[
         str,
         typer.Argument(
@@ -51,11 +68,18 @@ def command(
     """Audit any sampler: do its samples follow its pdf? Exit code 1 if a verdict fails."""
     if parameters and not source.startswith(MITSUBA):
         raise ValueError(f"key=value parameters go with {MITSUBA}PLUGIN, got {parameters[0]!r} with {source!r}")
+    refuse_idle(ctx, f"for {_kind(source)}", *_IDLE[_kind(source)])
+    validate.number("--h", h, -1, 1)
+    validate.integer("--samples", samples, *LIMITS["samples"])
+    validate.number("--level", level, *LIMITS["level"])
+    validate.integer("--seed", seed, *LIMITS["seed"])
+    if strands is not None:
+        validate.number("--strands", strands, 0, validate.MAX_STRANDS)
     angles = None if theta_r is None else _angles(theta_r)
     if output is not None:
-        writable_directory(output)
+        check_directory(output)
     made: Audit | Dump
-    if Path(source).suffix.lower() in (".npz", ".csv"):
+    if _kind(source) == DUMP:
         made = audit_dump(source, level=level, seed=seed)
     else:
         sampler, own = _load(source, parameters or [], h, strands, variant)
@@ -66,10 +90,11 @@ def command(
             )  # fmt: skip
     written = []
     if output is not None:
-        written.append(write_text(output / "audit.json", made.to_json()))
-        if isinstance(made, Audit):
-            made.figure(output / "audit.png")
-            written.append(output / "audit.png")
+        with filling(output) as folder:
+            write_text(folder / "audit.json", made.to_json())
+            if isinstance(made, Audit):
+                made.figure(folder / "audit.png")
+            written = [output / file.name for file in sorted(folder.iterdir())]
     if json_output:
         print(made.to_json(), end="")
     else:

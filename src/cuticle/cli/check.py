@@ -7,10 +7,12 @@ from typing import Annotated
 
 import typer
 
-from cuticle._support.files import read_text, writable_directory, write_text
+from cuticle._support import validate
+from cuticle._support.files import read_text
 from cuticle.checking.check import check
+from cuticle.checking.verdicts import LIMITS
 from cuticle.cli.tables import check_tables
-from cuticle.cli.terminal import JsonOption, out, progress_bar, read_strands
+from cuticle.cli.terminal import STANDARD_OUTPUT, JsonOption, check_output, out, progress_bar, read_strands, write_output
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.by_name import model_of
 
@@ -30,17 +32,21 @@ def command(
     json_output: JsonOption = False,
 ) -> None:
     """Check a sampler against its scattering function. Exit code 1 if a verdict fails."""
+    validate.integer("--samples", samples, *LIMITS["samples"])
+    validate.integer("--seed", seed, *LIMITS["seed"])
     path = sampler / "sampler.json" if sampler.is_dir() else sampler
     loaded = Sampler.from_json(read_text(path, "sampler"), source=str(path))
     function = model_of(loaded, model)
     counts = None if strands is None else read_strands(strands)
     if output is not None:
-        writable_directory(output.parent, make=False)
+        output = check_output(output)
     with progress_bar(json_output) as progress:
         report = check(loaded, function, strands=counts, samples=samples, seed=seed, progress=progress)
     if output is not None:
-        write_text(output, report.to_json())
-    if json_output:
+        write_output(output, report.to_json())
+    if output == STANDARD_OUTPUT:
+        pass
+    elif json_output:
         print(report.to_json(), end="")
     else:
         for listing in check_tables(report):

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from cuticle._support.files import writable_directory, write_bytes, write_text
+from cuticle._support.files import make_directory, write_bytes, write_text
 from cuticle.checking.check import check
 from cuticle.cli.tables import check_tables, fit_table
 from cuticle.cli.terminal import out, progress_bar
@@ -28,7 +28,7 @@ def command(output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR"
     from cuticle.report.page import write_report
     from cuticle.sampling.quality import UniformSphere, measure
 
-    folder = writable_directory(output)
+    folder = make_directory(output)
     model = DualScattering(Fibre.preset("document"))
     with progress_bar(False) as progress:
         result = fit(model, 4, strands=(0, 1, 2, 4, 8), progress=progress)

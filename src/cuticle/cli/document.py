@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from cuticle._support.files import writable_directory
+from cuticle._support.files import check_directory, filling
 from cuticle.cli.tables import document_tables
 from cuticle.cli.terminal import JsonOption, ModelArgument, ParametersArgument, out, progress_bar
 from cuticle.draft.document import Document, document
@@ -34,11 +34,12 @@ def command(
         parsed = read_model(model, parameters or (), progress=progress)
     tables = Printed.load(printed) if printed is not None else Printed.find() if model == "document" else None
     if output is not None:
-        writable_directory(output)
+        check_directory(output)
     with progress_bar(json_output) as progress:
         result = document(parsed, printed=tables, name=Path(model).stem, progress=progress)
         if output is not None:
-            result.save(output, progress=progress)
+            with filling(output) as folder:
+                result.save(folder, progress=progress)
     if json_output:
         print(json.dumps(result.to_dict(), indent=2, allow_nan=False))
         return

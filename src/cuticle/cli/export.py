@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 from typing import Annotated
@@ -9,21 +10,26 @@ from typing import Annotated
 import typer
 
 from cuticle._support import validate
-from cuticle._support.files import read_text, writable_directory, write_bytes, write_text
-from cuticle.cli.terminal import out, progress_bar
+from cuticle._support.files import check_file, read_text, write_bytes
+from cuticle.cli.terminal import STANDARD_OUTPUT, check_output, err, out, progress_bar, refuse_idle, write_output
 from cuticle.export import HOSTS, MAX_TABLE, amalgamate, check_frame, check_name, export
-from cuticle.export.frames import FRAMES
+from cuticle.export.frames import DEFAULT_FRAME, FRAMES
+from cuticle.export.registry import host
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.by_name import model_of
 
 
 def command(
+    ctx: typer.Context,
     sampler: Annotated[
         Path | None, typer.Argument(metavar="SAMPLER.json", help="A sampler that `cuticle fit` wrote, or its folder.")
     ] = None,
     to: Annotated[str | None, typer.Option(help=" | ".join(HOSTS))] = None,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="The file to write.")] = ...,  # type: ignore[assignment]
-    frame: Annotated[str, typer.Option(help=f"Frame of the directions: {' | '.join(FRAMES)}.", metavar="FRAME")] = "local-x",
+    frame: Annotated[
+        str | None,
+        typer.Option(help=f"Frame of the directions: {' | '.join(FRAMES)}. Default: {DEFAULT_FRAME}.", metavar="FRAME"),
+    ] = None,
     name: Annotated[
         str | None,
         typer.Option(help="Namespace in C++, prefix in shaders. Default: the output's name.", metavar="NAME"),
@@ -45,50 +51,64 @@ def command(
     """Write a sampler as one file for C++, CUDA, GLSL or HLSL, as JSON, or as an interactive web page."""
     if amalgamated == (sampler is not None):
         raise ValueError("give a sampler with --to HOST, or --amalgamate without a sampler")
-    if output.is_dir():
-        raise ValueError(f"cannot write {output}: it is a folder; name the file")
-    writable_directory(output.parent, make=False)
+    if amalgamated:
+        refuse_idle(ctx, "with --amalgamate, which writes the headers alone", "to", "frame", "name", "with_model", "model")
+    check_output(output)
+    tell = err if output == STANDARD_OUTPUT else out
     if amalgamated or sampler is None:
-        write_text(output, amalgamate())
-        out.print(f"wrote {output}: include it, no other file is needed", soft_wrap=True)
+        write_output(output, amalgamate())
+        tell.print(f"wrote {output}: include it, no other file is needed", soft_wrap=True)
         return
     if to is None:
         raise ValueError(f"--to must say for which host: {', '.join(HOSTS)}")
     validate.choice("--to", to, HOSTS)
-    check_frame(frame)
     if model is not None and not (with_model or to == "web"):
         raise ValueError("--model says which scattering function to put in: give --with-model, too")
-    name = check_name(name if name is not None else _name_of(output))
+    idle = {"name": host(to).named, "frame": host(to).framed, "with_model": host(to).model != "always"}
+    refuse_idle(ctx, f"with --to {to}", *(option for option, used in idle.items() if not used))
+    frame = frame or DEFAULT_FRAME
+    check_frame(frame)
+    name = check_name(name, to) if name is not None else _name_of(output, to)
     path = sampler / "sampler.json" if sampler.is_dir() else sampler
     loaded = Sampler.from_json(read_text(path, "sampler"), source=str(path))
+    values = output.with_suffix(".f32")
+    was_there = values.exists()
+    if with_model and host(to).textured:
+        if output == STANDARD_OUTPUT or os.path.realpath(values).lower() == os.path.realpath(output).lower():
+            raise ValueError(
+                f"--to {to} --with-model writes two files, a text and its texture, {values.name}: the text needs a name of"
+                f" its own, such as -o {name}.{to}; got -o {output}"
+            )
+        check_file(values)
     with progress_bar() as progress:
         function = None if model is None else model_of(loaded, model, progress=progress)
         made = export(loaded, to, frame=frame, name=name, with_model=with_model, model=function, progress=progress)
-    values = output.with_suffix(".f32")
     if made.data:
         write_bytes(values, made.data)
     try:
-        write_text(output, made.text)
+        write_output(output, made.text)
     except ValueError:
-        if made.data:
+        if made.data and not was_there:
             values.unlink()
         raise
     if made.table_bytes > MAX_TABLE:
-        out.print(
+        tell.print(
             f"the table has {made.table_bytes:,} bytes, more than the {MAX_TABLE:,} of a small uniform block", soft_wrap=True
         )
     beside = f" and {values}, the texture it reads" if made.data else ""
-    out.print(
+    tell.print(
         f"wrote {output}{beside}: {len(made.text):,} characters, a table of {made.table_bytes:,} bytes", soft_wrap=True
     )
     if made.model is not None:
-        out.print(
+        tell.print(
             f"the scattering function's tables: {made.model.size:,} bytes, within {100 * made.model.error:.2g} % of ∫ f cos",
             soft_wrap=True,
         )
 
 
-def _name_of(output: Path) -> str:
+def _name_of(output: Path, to: str) -> str:
     """The file's stem as an identifier."""
-    stem = re.sub(r"[^A-Za-z0-9]+", "_", output.stem).strip("_")
-    return stem if re.match(r"[A-Za-z]", stem) and stem not in ("cuticle", "std", "main") else "fibre"
+    try:
+        return check_name(re.sub(r"[^A-Za-z0-9]+", "_", output.stem).strip("_"), to)
+    except ValueError:
+        return "fibre"

@@ -9,12 +9,13 @@ import numpy as np
 import typer
 
 from cuticle.cli.tables import table
-from cuticle.cli.terminal import JsonOption, out
+from cuticle.cli.terminal import JsonOption, out, refuse_idle
 from cuticle.scattering.fibre import Fibre
 from cuticle.scattering.presets import PRESETS
 
 
 def command(
+    ctx: typer.Context,
     json_output: JsonOption = False,
     toml: Annotated[
         str | None, typer.Option(metavar="PRESET", help="Print this preset as TOML, to start a file from.")
@@ -22,6 +23,7 @@ def command(
 ) -> None:
     """List the published fibres and where their numbers come from."""
     if toml is not None:
+        refuse_idle(ctx, "with --toml", "json_output")
         print(Fibre.preset(toml).to_toml(), end="")
         return
     if json_output:

@@ -9,9 +9,9 @@ from typing import Annotated, Any
 import typer
 
 from cuticle._support import validate
-from cuticle._support.files import writable_directory, write_text
+from cuticle._support.files import check_directory, filling, write_text
 from cuticle.cli.tables import fit_table
-from cuticle.cli.terminal import JsonOption, ModelArgument, ParametersArgument, out, progress_bar, read_strands
+from cuticle.cli.terminal import JsonOption, ModelArgument, ParametersArgument, out, progress_bar, read_strands, refuse_idle
 from cuticle.fitting.fit import BEST, FORMS, fit
 from cuticle.fitting.result import Fit, fit_summary
 from cuticle.fitting.targets import OBJECTIVES
@@ -25,6 +25,7 @@ from cuticle.scattering.dual_scattering import DualScattering
 
 
 def command(
+    ctx: typer.Context,
     model: ModelArgument,
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for sampler.json, fit.json and the fibre's file.")
@@ -50,29 +51,34 @@ def command(
     validate.choice("--objective", objective, OBJECTIVES)
     validate.choice("--family", family, (*FAMILIES, BEST))
     validate.number("--defensive", defensive, 0, 0.99)
+    if form == "document":
+        refuse_idle(ctx, "with --form document", "lobes")
+    else:
+        refuse_idle(ctx, "without --form document", "defensive")
     with progress_bar(json_output) as progress:
         parsed = read_model(model, parameters or (), progress=progress)
     if counts is None and isinstance(parsed, DualScattering):
         counts = (0.0, 1.0, 2.0, 4.0, 8.0)
     if counts is not None and not hasattr(parsed, "with_strands"):
         parsed = Strands(parsed)
-    folder = writable_directory(output)
+    check_directory(output)
     with progress_bar(json_output) as progress:
         result = fit(
             parsed, number, strands=counts, form=form, objective=objective, family=family, defensive=defensive,
             progress=progress,
         )  # fmt: skip
-    result.sampler.save(folder / "sampler.json")
-    beside = _save_model(parsed, folder)
     summary = fit_summary(result)
-    write_text(folder / "fit.json", json.dumps(summary, indent=2) + "\n")
+    with filling(output) as folder:
+        result.sampler.save(folder / "sampler.json")
+        beside = _save_model(parsed, folder)
+        write_text(folder / "fit.json", json.dumps(summary, indent=2) + "\n")
     if json_output:
         print(json.dumps(summary, indent=2))
         return
     out.print(fit_table(result))
     if result.ess_channels.shape[2] > 1:
         _tell_bounds(result, parsed, counts)
-    out.print(f"wrote {', '.join(str(folder / name) for name in ('sampler.json', 'fit.json', *beside))}", soft_wrap=True)
+    out.print(f"wrote {', '.join(str(output / name) for name in ('sampler.json', 'fit.json', *beside))}", soft_wrap=True)
 
 
 def _tell_bounds(result: Fit, model: Any, counts: tuple[float, ...] | None) -> None:

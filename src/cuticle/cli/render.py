@@ -11,11 +11,11 @@ import typer
 from typer.core import TyperGroup
 
 from cuticle._support import validate
-from cuticle._support.files import writable_directory
+from cuticle._support.files import check_directory, check_file, filling
 from cuticle.cli.tables import table
-from cuticle.cli.terminal import JsonOption, out, progress_bar
+from cuticle.cli.terminal import JsonOption, out, progress_bar, refuse_idle
 from cuticle.fitting.fit import SAMPLINGS
-from cuticle.grooms.groom import Groom, join_grooms, read_groom
+from cuticle.grooms.groom import MAX_FOLLOWERS, Groom, join_grooms, read_groom
 from cuticle.grooms.procedural import hair_ball, hair_head, wavy_lock
 from cuticle.grooms.readers import known_formats
 from cuticle.render.scene import INTEGRATORS, LIGHTS, Light, View, bsdf, integrator, load_scene, mitsuba
@@ -55,6 +55,7 @@ RadiusOption = Annotated[
     float | None, typer.Option(help="Radius of all strands, in the file's unit. Default: the file's own.")
 ]
 TipOption = Annotated[float | None, typer.Option(help="Radius at the tip; --radius is then that at the root.")]
+FrameOption = Annotated[float | None, typer.Option(help="Time code to read USD files at. Default: the first.")]
 FollowersOption = Annotated[int, typer.Option(help="Number of copies beside each strand, for grooms that hold guides only.")]
 SpreadOption = Annotated[
     float | None, typer.Option(help="Standard deviation of a copy's offset. Default: 1/200 of the groom's size.")
@@ -66,11 +67,25 @@ ZoomOption = Annotated[float, typer.Option(help="Magnification; 1 fits the whole
 VariantOption = Annotated[str, typer.Option(help="Mitsuba variant.")]
 
 
-def _groom(names: list[str], radius: float | None, tip: float | None, followers: int, spread: float | None) -> Groom:
+def _check_groom(ctx: typer.Context, radius: float | None, tip: float | None, followers: int, spread: float | None) -> None:
     if tip is not None and radius is None:
         raise ValueError("--tip needs --radius, the radius at the root")
-    validate.integer("--followers", followers, 0, 1000)
-    grooms = [BUILT_IN[n]() if n in BUILT_IN else read_groom(n, radius=radius) for n in names]
+    if radius is not None:
+        validate.number("--radius", radius, 0, 1e6, above=True)
+    if tip is not None:
+        validate.number("--tip", tip, 0, 1e6)
+    if not validate.integer("--followers", followers, 0, MAX_FOLLOWERS):
+        refuse_idle(ctx, "without --followers", "spread")
+    if spread is not None:
+        validate.number("--spread", spread, 0, 1e6)
+
+
+def _groom(
+    names: list[str], radius: float | None, tip: float | None, followers: int, spread: float | None, frame: float | None
+) -> Groom:
+    if frame is not None and all(n in BUILT_IN for n in names):
+        raise ValueError("--frame is the time to read a USD file at; a built-in groom has none, leave it out")
+    grooms = [BUILT_IN[n]() if n in BUILT_IN else read_groom(n, radius=radius, frame=frame) for n in names]
     groom = join_grooms(grooms) if len(grooms) > 1 else grooms[0]
     if followers:
         low, high = groom.bounds
@@ -89,6 +104,7 @@ def _check_fibre(name: str) -> None:
 
 @app.command("picture")
 def picture_command(
+    ctx: typer.Context,
     groom: GroomArgument,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="The picture to write, .exr or .png.")],
     fibre: FibreOption = "brown",
@@ -103,6 +119,7 @@ def picture_command(
     tip: TipOption = None,
     followers: FollowersOption = 0,
     spread: SpreadOption = None,
+    frame: FrameOption = None,
     width: WidthOption = 512,
     height: Annotated[int | None, typer.Option(help="Height in pixels. Default: the width.")] = None,
     azimuth: AzimuthOption = 25.0,
@@ -114,11 +131,20 @@ def picture_command(
     json_output: JsonOption = False,
 ) -> None:
     """Render a groom to an EXR or a PNG file."""
-    from cuticle.render.picture import MAX_SPP, picture_path, render, save_picture
+    from cuticle.render.picture import MAX_EXPOSURE, MAX_SEED, MAX_SPP, picture_path, render, save_picture
 
     target = picture_path(output)
-    writable_directory(target.parent, make=False)
+    check_file(target)
     validate.integer("--spp", spp, 1, MAX_SPP)
+    validate.integer("--seed", seed, 0, MAX_SEED)
+    validate.number("--exposure", exposure, -MAX_EXPOSURE, MAX_EXPOSURE, unit="stops")
+    if target.suffix.lower() != ".png":
+        refuse_idle(ctx, "for an .exr, which is linear", "exposure")
+    if technique != "path":
+        refuse_idle(ctx, "without --integrator path", "depth")
+    if technique != "dual":
+        refuse_idle(ctx, "without --integrator dual", "counter")
+    _check_groom(ctx, radius, tip, followers, spread)
     view = View(azimuth=azimuth, elevation=elevation, width=width, height=width if height is None else height, zoom=zoom)
     lit = Light(light, strength)
     validate.choice("--counter", counter, ("grid", "trace"))
@@ -126,7 +152,7 @@ def picture_command(
     how = integrator(technique, depth=depth, **own)
     material = bsdf(fibre, sampling, strands=technique == "dual")
     _check_fibre(fibre)
-    hair = _groom(groom, radius, tip, followers, spread)
+    hair = _groom(groom, radius, tip, followers, spread, frame)
     mi = mitsuba(variant)
     with progress_bar(json_output) as progress:
         progress("fitting the fibre, loading the scene", 0.0)
@@ -144,6 +170,7 @@ def picture_command(
 
 @app.command("compare")
 def compare_command(
+    ctx: typer.Context,
     groom: GroomArgument,
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for compare.json, sheet.png, curves.png.")
@@ -156,6 +183,7 @@ def compare_command(
     tip: TipOption = None,
     followers: FollowersOption = 0,
     spread: SpreadOption = None,
+    frame: FrameOption = None,
     width: WidthOption = 192,
     azimuth: AzimuthOption = 25.0,
     elevation: ElevationOption = 10.0,
@@ -166,12 +194,13 @@ def compare_command(
     """Compare uniform, document and lobes sampling on one scene: errors at equal samples and at equal time."""
     validate.number("--seconds", seconds, 0.1, 3600)
     validate.integer("--reference-spp", reference_spp, 16, 1 << 20)
+    _check_groom(ctx, radius, tip, followers, spread)
     view = View(azimuth=azimuth, elevation=elevation, width=width, height=width, zoom=zoom)
     lit = Light(light)
     _check_fibre(fibre)
-    hair = _groom(groom, radius, tip, followers, spread)
+    hair = _groom(groom, radius, tip, followers, spread, frame)
     mitsuba(variant)
-    folder = writable_directory(output)
+    check_directory(output)
     from cuticle.render.compare import compare_samplings
 
     with progress_bar(json_output) as progress:
@@ -185,7 +214,8 @@ def compare_command(
             variant=variant,
             progress=progress,
         )
-    result.save(folder)
+    with filling(output) as folder:
+        result.save(folder)
     plain = result.to_dict()
     if json_output:
         print(json.dumps(plain, indent=2))
@@ -208,4 +238,4 @@ def compare_command(
         )
     out.print(grid)
     out.print("gain: how many times longer uniform sampling takes to reach the same error")
-    out.print(f"wrote {folder / 'compare.json'}, {folder / 'sheet.png'}, {folder / 'curves.png'}", soft_wrap=True)
+    out.print(f"wrote {output / 'compare.json'}, {output / 'sheet.png'}, {output / 'curves.png'}", soft_wrap=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -12,6 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from cuticle._support import validate
+from cuticle._support.files import check_file, write_text
 
 # A pipe or a file has no width of its own: give the tables room there.
 out = Console() if sys.stdout.isatty() else Console(width=118)
@@ -28,6 +30,30 @@ ModelArgument = Annotated[
 ParametersArgument = Annotated[
     list[str] | None, typer.Argument(metavar="KEY=VALUE…", help="Parameters of a Mitsuba plugin.", show_default=False)
 ]
+
+
+STANDARD_OUTPUT = Path("-")
+
+
+def check_output(path: Path) -> Path:
+    """Return where one text is to go after checking that it can be written; `-` is standard output."""
+    return path if path == STANDARD_OUTPUT else check_file(path)
+
+
+def write_output(path: Path, text: str) -> None:
+    """Write a text to a file, or to standard output."""
+    if path == STANDARD_OUTPUT:
+        sys.stdout.write(text)
+    else:
+        write_text(path, text)
+
+
+def refuse_idle(ctx: typer.Context, why: str, *names: str) -> None:
+    """Raise ValueError for the first of the parameters that was given, though it would do nothing."""
+    for parameter in ctx.command.params:
+        source = ctx.get_parameter_source(parameter.name or "")
+        if parameter.name in names and source is not None and source.name != "DEFAULT":
+            raise ValueError(f"{parameter.opts[0]} does nothing {why}: leave it out")
 
 
 @contextmanager

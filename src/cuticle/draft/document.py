@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cuticle._support.files import writable_directory, write_bytes, write_text
+from cuticle._support.files import make_directory, write_bytes, write_text
 from cuticle._support.progress import Progress
 from cuticle.draft import claims as judge
 from cuticle.draft.as_values import as_values
@@ -64,7 +64,7 @@ class Document(Findings):
         from cuticle.draft.figures import figures  # Matplotlib takes a second to import
 
         report = progress or (lambda phase, fraction: None)
-        target = writable_directory(Path(folder) / "figures").parent
+        target = make_directory(Path(folder) / "figures").parent
         drawn = figures(self)
         entries = {}
         for i, (name, (figure, words)) in enumerate(drawn.items()):

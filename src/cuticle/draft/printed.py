@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cuticle._support.files import read_text, reading
 from cuticle.draft.functions import Choice, find_form, fit_form
 from cuticle.draft.tables import USED
 from cuticle.fitting.closed_forms import ClosedForm
@@ -85,12 +86,10 @@ class Printed:
 def _read(path: Path, columns: tuple[str, ...]) -> NDArray[np.float64]:
     if not path.is_file():
         raise ValueError(f"printed tables: {path} is missing; the folder must hold {', '.join(_COLUMNS)}")
-    try:
-        with path.open(encoding="utf-8") as file:
-            header = tuple(file.readline().strip().split(","))
-            rows = np.atleast_2d(np.loadtxt(file, delimiter=","))
-    except (OSError, ValueError) as error:
-        raise ValueError(f"printed tables: {path} cannot be read: {error}") from None
+    with reading(path, "printed table"):
+        lines = read_text(path, "printed table").splitlines()
+        header = tuple(lines[0].strip().split(",")) if lines else ()
+        rows = np.loadtxt(lines[1:], delimiter=",", ndmin=2)
     if header != columns or rows.shape[1] != len(columns) or not np.isfinite(rows).all():
         raise ValueError(f"printed tables: {path} must have the columns {', '.join(columns)}, all numbers")
     return rows

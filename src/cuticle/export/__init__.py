@@ -10,9 +10,10 @@ import numpy as np
 
 from cuticle._support import validate
 from cuticle._support.version import __version__
-from cuticle.export.frames import FRAMES, Frame, frame
+from cuticle.export.frames import DEFAULT_FRAME, FRAMES, Frame, frame
 from cuticle.export.headers import amalgamate
 from cuticle.export.registry import HOSTS, Export, Job, host
+from cuticle.export.reserved_words import OURS
 from cuticle.sampling.quality import MEASURED_AT, measure
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.bcsdf import Bcsdf, with_strands
@@ -23,7 +24,6 @@ from cuticle.scattering.host_tables import reduce_tables
 __all__ = ["FRAMES", "HOSTS", "Export", "amalgamate", "export"]
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-_RESERVED = {"cuticle", "std", "main"}
 MAX_TABLE = 16 * 1024  # bytes: what every OpenGL ES 3.0 device takes as a block
 
 
@@ -31,7 +31,7 @@ def export(
     sampler: Sampler,
     to: str,
     *,
-    frame: str = "local-x",
+    frame: str = DEFAULT_FRAME,
     name: str = "fibre",
     with_model: bool = False,
     model: Bcsdf | None = None,
@@ -81,7 +81,7 @@ def export(
     """
     target = host(validate.choice("to", to, HOSTS))
     host_frame = check_frame(frame)  # the parameter hides the function of its name
-    check_name(name)
+    check_name(name, to)
     if with_model and target.model == "never":
         raise ValueError(f"--to {to} writes the sampler alone: leave --with-model out (with_model=False)")
     report = progress or (lambda phase, fraction: None)
@@ -99,13 +99,19 @@ def export(
     return target.write(Job(sampler, name, host_frame, about, tables, known, report))
 
 
-def check_name(name: str) -> str:
-    """Return a name that can be a namespace or a prefix, or raise ValueError."""
-    if not _NAME.fullmatch(name) or "__" in name or name in _RESERVED:
+def check_name(name: str, to: str) -> str:
+    """Return a name that can be a namespace or a prefix in a host's language, or raise ValueError."""
+    target = host(to)
+    if not _NAME.fullmatch(name) or "__" in name or name.endswith("_"):
         raise ValueError(
-            f"name must be letters, digits and single underscores, begin with a letter and not be"
-            f" {', '.join(sorted(_RESERVED))}; got {name!r}"
+            "name must be letters, digits and single underscores, begin with a letter and not end in an underscore; got"
+            f" {name!r}"
         )
+    if name in OURS | target.reserved:
+        raise ValueError(f"name must not be a word that {to} keeps for itself, got {name!r}; {name}_fibre would do")
+    if name.startswith(target.reserved_prefixes):
+        kept = " or ".join(target.reserved_prefixes)
+        raise ValueError(f"name must not begin with {kept}, which {to} keeps for itself; got {name!r}")
     return name
 
 

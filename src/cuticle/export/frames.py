@@ -27,6 +27,7 @@ FRAMES = {
     "local-y": Frame("yzx", "w_r", "w_i", "the strand along y, w_r toward the viewer, w_i toward the light"),
     "local-z": Frame("zxy", "w_r", "w_i", "the strand along z, w_r toward the viewer, w_i toward the light"),
 }
+DEFAULT_FRAME = "local-x"
 
 
 def frame(name: str) -> Frame:

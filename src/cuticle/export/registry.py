@@ -89,12 +89,23 @@ class Host:
         Whether the scattering function goes along.
     tolerance
         How far its tables may be off, of ∫ f cos.
+    textured
+        Whether the scattering function's tables are a texture, in a file beside the text.
+    named, framed
+        Whether the text has names with the job's name in them, and functions that take directions in its frame.
+    reserved, reserved_prefixes
+        What the job's name may not be, and may not begin with.
     """
 
     about: str
     write: Callable[[Job], Export]
     model: Literal["when asked", "always", "never"] = "when asked"
     tolerance: float = TOLERANCE
+    textured: bool = False
+    named: bool = True
+    framed: bool = True
+    reserved: frozenset[str] = frozenset()
+    reserved_prefixes: tuple[str, ...] = ()
 
 
 def host_names() -> tuple[str, ...]:

@@ -1,43 +1,31 @@
-"""Reads Alembic curves with Blender as a Python module, in a separate process that a bad file can crash safely."""
+"""Reads curves from Alembic archives, with PyAlembic as the package alembic3d brings it."""
 
 from __future__ import annotations
 
 import importlib.util
 import struct
-import subprocess
-import sys
-import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-_NO_CURVES = 3  # the process's exit status
+from cuticle._support.files import opened
+from cuticle.grooms.apart import read_apart, serve
+from cuticle.grooms.scene_curves import Curves, assemble, left_out
+
+_BASES = {"kBezierBasis": "bezier", "kBsplineBasis": "bspline", "kCatmullromBasis": "catmullRom"}
+_TYPES = {"kLinear": "linear", "kCubic": "cubic"}
+_SCOPES = {"kConstantScope": "constant", "kUniformScope": "uniform", "kVaryingScope": "varying", "kVertexScope": "vertex"}
 
 
-def read_alembic(path: Path) -> tuple[NDArray[np.float32], NDArray[np.int64], NDArray[np.float32] | None]:
-    """Return all curves at the file's first time, in world space: points (N, 3), points of each strand, and radii."""
-    try:
-        with open(path, "rb") as file:
-            _check(path, file.read(16), path.stat().st_size)
-    except OSError as error:
-        raise ValueError(f"cannot read groom {path}: {error.strerror or error}") from None
-    if importlib.util.find_spec("bpy") is None:
-        raise ValueError(
-            f"reading {path} needs the package bpy, Blender as a module: pip install 'cuticle[alembic]'; or export it as USD"
-        )
-    with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder) / "groom.npz"
-        # Not `-m`: nothing of this package is needed there.
-        done = subprocess.run([sys.executable, __file__, str(path.resolve()), str(out)], capture_output=True, check=False)
-        if done.returncode == _NO_CURVES:
-            raise ValueError(f"{path} holds no curves")
-        if done.returncode or not out.is_file():
-            lines = done.stderr.decode(errors="replace").strip().splitlines() or ["it says nothing"]
-            raise ValueError(f"cannot read groom {path}: Blender's reader gave up ({done.returncode}): {lines[-1][:200]}")
-        with np.load(out) as found:
-            radius = found["radius"] if found["radius"].size else None
-            return found["points"], found["counts"], radius
+def read_alembic(path: Path) -> dict[str, NDArray]:
+    """Return all visible curves at the file's first time, in world space."""
+    with opened(path) as file:
+        _check(path, file.read(16), path.stat().st_size)
+    if importlib.util.find_spec("alembic3d") is None:
+        raise ValueError(f"reading {path} needs the package alembic3d: pip install 'cuticle[alembic]'; or export it as USD")
+    return read_apart(__name__, path)
 
 
 def _check(path: Path, head: bytes, size: int) -> None:
@@ -55,43 +43,64 @@ def _check(path: Path, head: bytes, size: int) -> None:
         raise ValueError(f"{path} is cut short: its root group lies at byte {root} (byte 8), the file has {size}")
 
 
-def _blender(path: str, out: str) -> int:
-    """Write the curves of an archive to a .npz file."""
-    import bpy
+def _find(path: str) -> dict[str, NDArray]:
+    from alembic3d import Abc
 
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    if "FINISHED" not in bpy.ops.wm.alembic_import(filepath=path, as_background_job=False):
-        print("it is no archive that it knows", file=sys.stderr)
-        return 1
-    bpy.context.view_layer.update()
-    points, counts, radii = [], [], []
-    for thing in sorted(bpy.data.objects, key=lambda o: o.name):
-        if thing.type != "CURVES" or not len(thing.data.points):
+    found: list[Curves] = []
+    hidden: list[str] = []
+    _visit(Abc.IArchive(path).getTop(), np.eye(4), found, hidden)
+    notes = left_out("invisible object(s)", hidden)
+    if not sum(len(c.vertices) for c in found):
+        raise ValueError("; ".join(["it holds no curves", *notes]))
+    return assemble(found, notes)
+
+
+def _visit(parent: Any, world: NDArray[np.float64], found: list[Curves], hidden: list[str]) -> None:
+    """Gather the curves below an object that are not hidden, and the names of those that are."""
+    from alembic3d import Abc, AbcGeom
+
+    first = Abc.ISampleSelector(0)
+    for k in range(parent.getNumChildren()):
+        header = parent.getChildHeader(k)
+        child = parent.getChild(k)
+        if AbcGeom.GetVisibility(child, first) == AbcGeom.ObjectVisibility.kVisibilityHidden:
+            hidden.append(header.getFullName())
             continue
-        curves = thing.data
-        xyz = np.empty(3 * len(curves.points), np.float32)
-        curves.position_data.foreach_get("vector", xyz)
-        own = np.empty(len(curves.curves), np.int32)
-        curves.curves.foreach_get("points_length", own)
-        to_world = np.array(thing.matrix_world, np.float64)
-        x, y, z = (xyz.reshape(-1, 3) @ to_world[:3, :3].T + to_world[:3, 3]).T
-        points.append(np.stack([x, z, -y], axis=1))  # Blender turned the file's y up into z up
-        counts.append(own)
-        if "radius" in curves.attributes:
-            radius = np.empty(len(curves.points), np.float32)
-            curves.attributes["radius"].data.foreach_get("value", radius)
-            radii.append(radius * np.cbrt(abs(np.linalg.det(to_world[:3, :3]))))
-    if not points:
-        return _NO_CURVES
-    whole = sum(map(len, radii)) == sum(map(len, points))
-    np.savez(
-        out,
-        points=np.concatenate(points).astype(np.float32),
-        counts=np.concatenate(counts).astype(np.int64),
-        radius=np.concatenate(radii).astype(np.float32) if whole else np.empty(0, np.float32),
+        place = world
+        if AbcGeom.IXform.matches(header):
+            sample = AbcGeom.IXform(parent, header.getName()).getSchema().getValue(first)
+            own = np.array([[sample.getMatrix()[i][j] for j in range(4)] for i in range(4)])
+            place = own @ world if sample.getInheritsXforms() else own
+        elif AbcGeom.ICurves.matches(header):
+            schema = AbcGeom.ICurves(parent, header.getName()).getSchema()
+            if schema.getNumSamples():
+                found.append(_curves(header.getFullName(), schema, first, place))
+        _visit(child, place, found, hidden)
+
+
+def _curves(name: str, schema: Any, first: Any, world: NDArray[np.float64]) -> Curves:
+    from alembic3d.AbcGeom import CurvePeriodicity
+
+    value = schema.getValue(first)
+    type_, basis = str(value.getType()), str(value.getBasis())
+    if type_ not in _TYPES or (type_ == "kCubic" and basis not in _BASES):
+        raise ValueError(f"{name} has curves of type {type_}, basis {basis}; {', '.join((*_TYPES, *_BASES))} are read")
+    widths, interpolation = None, ""
+    if schema.getWidthsParam().valid():
+        sample = schema.getWidthsParam().getExpandedValue(first)
+        widths, interpolation = np.array(sample.getVals(), np.float64), _SCOPES.get(str(sample.getScope()), "")
+    return Curves(
+        name,
+        np.array([tuple(p) for p in value.getPositions()], np.float64).reshape(-1, 3),
+        np.array(value.getCurvesNumVertices(), np.int64),
+        _TYPES[type_],
+        _BASES.get(basis, "bspline"),
+        "periodic" if value.getWrap() == CurvePeriodicity.kPeriodic else "nonperiodic",
+        widths,
+        interpolation,
+        world,
     )
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(_blender(sys.argv[1], sys.argv[2]))
+    serve(_find)

@@ -3,24 +3,37 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import solve_banded
+from numpy.typing import NDArray
 
 from cuticle._support import validate
-from cuticle._support.files import write_text
+from cuticle._support.files import reading, write_text
+from cuticle.grooms import splines
 
 __all__ = ["Groom", "join_grooms", "read_groom"]
 
 MAX_FOLLOWERS = 1000
+FARTHEST = 1e9  # the largest coordinate and radius: single precision squares lengths up to 1.8e19, and cubes of cells less
+_POSITION = np.array([1, 1, 1, 0], np.float32)  # of x y z radius
+_CLOSEST = 1e-18  # the square of a shorter step is 0 in single precision, and so is its direction
 
 
 @dataclass(frozen=True, eq=False)
 class Groom:
     """Strands of hair, each a row of points from root to tip with a radius at every point.
+
+    The points lie on the strand, at the knots of a uniform cubic spline: that curve, through every point, is what is
+    rendered and saved. `bend` sets its ends; without it the spline is the natural one. Points and bend together determine
+    the control points and are determined by them, so B-splines are read, held and saved as they are. Polylines are
+    rendered as the smooth curve through their points.
+
+    A point that repeats the one before it has no direction, so it is left out, and so is a strand of no length. A warning
+    says how many. Two points repeat each other where single precision cannot hold their direction: where they are closer
+    than 1.2e-7 times their largest coordinate, or 1e-18.
 
     Parameters
     ----------
@@ -31,16 +44,21 @@ class Groom:
         points.
     radius
         Radius at each point, in the unit of the points: shape (N,), or one number.
+    bend
+        Second difference P[i-1] - 2 P[i] + P[i+1] of the control points (x y z radius) at each strand's first and last
+        point, shape (strands, 2, 4). Default: 0, no curvature at the ends.
 
     Raises
     ------
     ValueError
-        Shapes do not fit, a strand has fewer than 2 points, a coordinate is not finite, or a radius is negative.
+        Shapes do not fit, a strand has fewer than 2 points, no strand has a length, a coordinate is not finite or beyond
+        ±1e9, or a radius is negative or above 1e9.
     """
 
     points: NDArray[np.float32]
     offsets: NDArray[np.int64]
     radius: NDArray[np.float32]
+    bend: NDArray[np.float32] = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         points = np.array(self.points, np.float32)
@@ -53,12 +71,18 @@ class Groom:
             short = int(np.argmax(np.diff(offsets) < 2))
             raise ValueError(f"a strand must have at least 2 points, strand {short} has {int(np.diff(offsets)[short])}")
         radius = np.array(np.broadcast_to(np.asarray(self.radius, np.float32), len(points)))
-        if not np.isfinite(points).all():
-            at = int(np.argmin(np.isfinite(points).all(axis=1)))
-            raise ValueError(f"points must be finite numbers, point {at} is {points[at].tolist()}")
-        if not (np.isfinite(radius).all() and (radius >= 0).all()):
-            raise ValueError("radius must be finite and at least 0 everywhere")
-        for name, value in (("points", points), ("offsets", offsets), ("radius", radius)):
+        _check_points(points)
+        strands = len(offsets) - 1
+        bend = np.zeros((strands, 2, 4), np.float32) if self.bend is None else np.array(self.bend, np.float32)
+        if bend.shape != (strands, 2, 4) or not (np.abs(bend) <= 4 * FARTHEST).all():
+            raise ValueError(f"bend must be finite numbers of shape ({strands}, 2, 4), got shape {bend.shape}")
+        _check_radius(radius)
+        keep, kept, left_out = distinct_points(points, np.diff(offsets))
+        if left_out:
+            warnings.warn(f"groom: left out {left_out}", stacklevel=3)
+            points, radius, offsets = points[keep], radius[keep], np.append(0, np.cumsum(kept[kept > 0]))
+            bend = _kept_bend(bend, np.diff(self.offsets), kept)
+        for name, value in (("points", points), ("offsets", offsets), ("radius", radius), ("bend", bend)):
             value.setflags(write=False)
             object.__setattr__(self, name, value)
 
@@ -99,7 +123,8 @@ class Groom:
         """Return the groom with radii that vary linearly from `root` to `tip` (default: `root`) along each strand."""
         root = validate.number("root", root, 0, 1e6)
         tip = root if tip is None else validate.number("tip", tip, 0, 1e6)
-        return replace(self, radius=(root + (tip - root) * self.along()).astype(np.float32))
+        bend = self.bend * _POSITION
+        return replace(self, radius=(root + (tip - root) * self.along()).astype(np.float32), bend=bend)
 
     def with_followers(self, count: int, spread: float, *, tip_spread: float | None = None, seed: int = 1) -> Groom:
         """Return the groom with `count` copies of each strand beside it.
@@ -126,51 +151,99 @@ class Groom:
             parts.append((self.points + width * shift).astype(np.float32))
         starts = [self.offsets[:-1] + k * len(self.points) for k in range(count + 1)]
         offsets = np.append(np.concatenate(starts), len(self.points) * (count + 1))
-        return Groom(np.concatenate(parts), offsets, np.tile(self.radius, count + 1))
+        return Groom(np.concatenate(parts), offsets, np.tile(self.radius, count + 1), np.tile(self.bend, (count + 1, 1, 1)))
 
     def control_points(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Return the control points of uniform cubic B-splines that pass through every point.
 
-        At its knots, a B-spline with control points P passes through (P[i-1] + 4 P[i] + P[i+1])/6. The ends have no
-        curvature. All strands form one tridiagonal system.
+        The splines have no curvature at their ends but `bend`.
 
         Returns
         -------
         control, offsets
             Positions and radii, shape (N + 2 strands, 4), and the index of each strand's first control point.
         """
-        n = len(self.points)
-        values = np.column_stack([self.points, self.radius]).astype(np.float64)
-        ends = np.zeros(n, bool)
-        ends[self.offsets[:-1]] = ends[self.offsets[1:] - 1] = True
-        bands = np.zeros((3, n))
-        bands[1] = np.where(ends, 1, 4 / 6)
-        bands[0, 1:] = np.where(ends[:-1], 0, 1 / 6)  # the upper diagonal: row i, column i + 1
-        bands[2, :-1] = np.where(ends[1:], 0, 1 / 6)
-        inner = solve_banded((1, 1), bands, values)
-        offsets = self.offsets + 2 * np.arange(self.strands + 1)
-        control = np.empty((n + 2 * self.strands, 4))
-        control[np.arange(n) + 2 * np.repeat(np.arange(self.strands), self.counts) + 1] = inner
-        first, last = offsets[:-1], offsets[1:] - 1
-        control[first] = 2 * control[first + 1] - control[first + 2]
-        control[last] = 2 * control[last - 1] - control[last - 2]
+        control, offsets = splines.to_control(np.column_stack([self.points, self.radius]), self.offsets, self.bend)
         # A radius that swings below 0 between two points would turn the tube inside out.
         control[:, 3] = np.maximum(control[:, 3], 0)
         return control, offsets
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the text file of Mitsuba's `bsplinecurve`: one line `x y z radius` per point, a blank line between strands.
+        """Write the text file of Mitsuba's `bsplinecurve`: one line `x y z radius` per control point, a blank line between
+        strands. `read_groom` reads the same groom back, to single precision.
 
-        The curves pass through the groom's points. A strand of radius 0, which no ray hits, is added at the end: Mitsuba 3.9
-        reads out of bounds where a ray hits the tip of the last curve. `read_groom` drops that strand.
+        The curves pass through the groom's points. A radius whose spline would swing below 0 is cut off there. A strand of
+        radius 0, which no ray hits, is added at the end: Mitsuba 3.9 reads out of bounds where a ray hits the tip of the
+        last curve. `read_groom` drops that strand.
         """
         control, offsets = self.control_points()
         guard = np.column_stack([np.linspace(control[-2, :3], control[-1, :3], 4), np.zeros(4)])
         control, offsets = np.concatenate([control, guard]), np.append(offsets, len(control) + 4)
         # One format for the whole file: a row at a time takes ten times as long.
-        rows = np.full(len(control), "%.7g %.7g %.7g %.7g\n", object)
+        rows = np.full(len(control), "%.9g %.9g %.9g %.9g\n", object)
         rows[offsets[1:-1] - 1] += "\n"
         write_text(path, "".join(rows.tolist()) % tuple(control.ravel().tolist()))
+
+
+def _check_points(points: NDArray[np.float32]) -> None:
+    right = (np.abs(points) <= FARTHEST).all(axis=1)
+    if not right.all():
+        at = int(np.argmin(right))
+        said = "scale the groom" if np.isfinite(points[at]).all() else "mend or leave out its strand"
+        raise ValueError(f"points must be finite numbers within ±{FARTHEST:g}, point {at} is {points[at].tolist()}; {said}")
+
+
+def _check_radius(radius: NDArray) -> None:
+    right = (radius >= 0) & (radius <= FARTHEST)
+    if not right.all():
+        at = int(np.argmin(right))
+        raise ValueError(
+            f"radius must be finite and at least 0 everywhere, and at most {FARTHEST:g}; point {at} has {radius[at]:g}"
+        )
+
+
+def _kept_bend(bend: NDArray[np.float32], counts: NDArray[np.int64], kept: NDArray[np.int64]) -> NDArray[np.float32]:
+    """The bend of the strands that are kept. One that loses points has other knots, for which it does not hold."""
+    return np.where((kept == counts)[:, None, None], bend, 0)[kept > 0]
+
+
+def distinct_points(
+    points: NDArray[np.float32], counts: NDArray[np.int64]
+) -> tuple[NDArray[np.bool_], NDArray[np.int64], str]:
+    """Return which points differ from the one before them on their strand, and what is left without the others.
+
+    Returns
+    -------
+    keep
+        The points to keep, shape (N,).
+    kept
+        The number of points that each strand keeps, shape (strands,): 0 for a strand of no length.
+    left_out
+        What is left out, in words; empty where all is kept.
+
+    Raises
+    ------
+    ValueError
+        No strand has a length.
+    """
+    strand = np.repeat(np.arange(len(counts)), counts)
+    step = np.abs(np.diff(points, axis=0)).max(axis=1, initial=0)
+    size = np.abs(points).max(axis=1, initial=0)
+    least = np.maximum(np.finfo(np.float32).eps * np.maximum(size[1:], size[:-1]), _CLOSEST)
+    keep = np.ones(len(points), bool)
+    keep[1:] = (step > least) | (strand[1:] != strand[:-1])
+    kept = np.bincount(strand[keep], minlength=len(counts))
+    short = kept == 1
+    if (kept < 2).all():
+        raise ValueError("no strand has 2 points that differ")
+    repeated, pointlike = int((counts - kept)[~short].sum()), int(short.sum())
+    keep &= ~short[strand]
+    said = [
+        f"{n:,} {what}{'s' * (n > 1)}{rest}"
+        for n, what, rest in ((repeated, "repeated point", ""), (pointlike, "strand", " of no length"))
+        if n
+    ]
+    return keep, np.where(short, 0, kept), " and ".join(said)
 
 
 def join_grooms(grooms: Sequence[Groom]) -> Groom:
@@ -179,13 +252,14 @@ def join_grooms(grooms: Sequence[Groom]) -> Groom:
         raise ValueError("grooms must hold at least one groom, got none")
     starts = np.cumsum([0, *(len(g.points) for g in grooms)])
     offsets = np.append(np.concatenate([g.offsets[:-1] + s for g, s in zip(grooms, starts, strict=False)]), starts[-1])
-    return Groom(np.concatenate([g.points for g in grooms]), offsets, np.concatenate([g.radius for g in grooms]))
+    points, radius, bend = (np.concatenate([getattr(g, name) for g in grooms]) for name in ("points", "radius", "bend"))
+    return Groom(points, offsets, radius, bend)
 
 
-def read_groom(path: str | os.PathLike[str], *, radius: float | None = None) -> Groom:
+def read_groom(path: str | os.PathLike[str], *, radius: float | None = None, frame: float | None = None) -> Groom:
     """Read a hair file; the file's ending selects the reader in `cuticle.grooms.readers.READERS`.
 
-    Strands of one point, and strands without width, are dropped.
+    Repeated points, strands of no length and strands of no width are left out. A warning says how many.
 
     Parameters
     ----------
@@ -194,6 +268,8 @@ def read_groom(path: str | os.PathLike[str], *, radius: float | None = None) -> 
     radius
         Radius of all strands, in the file's unit. Overrides the file. A file without radii gets 1/4000 of the diagonal of
         its bounding box.
+    frame
+        The time to read a USD file at, in its own time codes. Default: the first.
 
     Raises
     ------
@@ -205,27 +281,37 @@ def read_groom(path: str | os.PathLike[str], *, radius: float | None = None) -> 
 
     if radius is not None:
         radius = validate.number("radius", radius, 0, 1e6, above=True)
-    points, counts, found = readers.read(path)
-    keep = counts >= 2  # a strand of one point is no curve
-    if not keep.any():
-        raise ValueError(f"{path}: no strand has 2 points or more")
-    if found is not None:
-        keep &= np.maximum.reduceat(found, np.concatenate([[0], np.cumsum(counts)[:-1]])) > 0  # nor is one of no width
-        if not keep.any():
-            raise ValueError(f"{path}: no strand has a radius above 0")
-    kept = np.repeat(keep, counts)
-    points, counts = points[kept], counts[keep]
-    if not np.isfinite(points).all():
-        at = int(np.argmin(np.isfinite(points).all(axis=1)))
-        raise ValueError(f"{path}: point {at} is {points[at].tolist()}, not a position")
-    values: ArrayLike
-    if radius is not None:
-        values = radius
-    elif found is not None:
-        values = found[kept]
-    else:
-        values = float(np.linalg.norm(points.max(axis=0) - points.min(axis=0))) / 4000
-    try:
-        return Groom(points, np.concatenate([[0], np.cumsum(counts)]), np.asarray(values, np.float32))
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
+    if frame is not None:
+        frame = validate.number("frame", frame, -1e9, 1e9)
+    with reading(path, "groom"):
+        points, counts, found, bend, notes = readers.read(path, frame)
+        with np.errstate(over="ignore"):  # what is too large for single precision is refused
+            points = points.astype(np.float32)
+        if found is not None:
+            _check_radius(found)
+        _check_points(points)
+        keep, kept, left_out = distinct_points(points, counts)
+        bend = _kept_bend(np.zeros((len(counts), 2, 4), np.float32) if bend is None else bend, counts, kept)
+        points, counts = points[keep], kept[kept > 0]
+        if found is not None:
+            found = found[keep]
+            wide = np.maximum.reduceat(found, np.cumsum(counts) - counts) > 0
+            if not wide.any():
+                raise ValueError("no strand has a radius above 0")
+            if not wide.all():
+                left_out = " and ".join(filter(None, [left_out, f"{(~wide).sum():,} strand(s) of no width"]))
+            keep = np.repeat(wide, counts)
+            points, found, counts, bend = points[keep], found[keep], counts[wide], bend[wide]
+        if radius is not None or found is None:
+            found = np.float32(default_radius(points) if radius is None else radius)
+            bend = bend * _POSITION
+        groom = Groom(points, np.append(0, np.cumsum(counts)), found, bend)
+    notes = (*notes, f"left out {left_out}") if left_out else notes
+    if notes:
+        warnings.warn(f"{path}: {'; '.join(notes)}", stacklevel=2)
+    return groom
+
+
+def default_radius(points: NDArray) -> float:
+    """Return the radius of strands whose file has none: 1/4000 of the diagonal of the box around their points."""
+    return float(np.linalg.norm(points.max(axis=0).astype(np.float64) - points.min(axis=0))) / 4000

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import struct
+from array import array
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -14,9 +15,36 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cuticle._support import files
+from cuticle.grooms import splines
 from cuticle.grooms.alembic import read_alembic
+from cuticle.grooms.ply import read_ply
+from cuticle.grooms.usd import read_usd
+from cuticle.scattering.table_files import read_arrays
 
-Raw = tuple[NDArray[np.float32], NDArray[np.int64], NDArray[np.float32] | None]  # points, counts, radius
+
+class Raw(NamedTuple):
+    """What a reader finds.
+
+    Attributes
+    ----------
+    points
+        The points of all strands, shape (N, 3).
+    counts
+        The number of points of each strand, shape (strands,).
+    radius
+        The radius at each point, shape (N,), or None where the file has none.
+    bend
+        As `Groom.bend`, shape (strands, 2, 4), or None.
+    notes
+        What the user should know of what is left out or made up, a line each.
+    """
+
+    points: NDArray
+    counts: NDArray[np.int64]
+    radius: NDArray | None = None
+    bend: NDArray | None = None
+    notes: tuple[str, ...] = ()
 
 
 class Reader(NamedTuple):
@@ -29,21 +57,26 @@ class Reader(NamedTuple):
     endings
         The file name endings that select it, lower case, with the dot.
     read
-        Returns the points of all strands (N, 3), the number of points of each strand, and a radius at each point, or
-        None where the format has no radii. Raises ValueError with the path and the reason.
+        Returns a `Raw`, or its values as a tuple. Raises ValueError with the path and the reason.
+    timed
+        Whether `read` takes the frame as a second argument.
     """
 
     name: str
     endings: tuple[str, ...]
-    read: Callable[[Path], Raw]
+    read: Callable[..., tuple]
+    timed: bool = False
 
 
-def read(path: str | os.PathLike[str]) -> Raw:
+def read(path: str | os.PathLike[str], frame: float | None = None) -> Raw:
     """Read a hair file with the reader that its ending selects."""
     ending = Path(path).suffix.lower()
     for reader in READERS:
         if ending in reader.endings:
-            return reader.read(Path(path))
+            if frame is not None and not reader.timed:
+                timed = ", ".join(ending for r in READERS if r.timed for ending in r.endings)
+                raise ValueError(f"{path}: frame is for {timed}; a file of ending {ending} has one time, leave it out")
+            return Raw(*(reader.read(Path(path)) if frame is None else reader.read(Path(path), frame)))
     raise ValueError(f"{path}: a groom file must end in one of {known_endings()}; got {ending or 'none'!r}")
 
 
@@ -59,10 +92,12 @@ def known_formats() -> str:
 
 def read_bytes(path: Path) -> bytes:
     """Return the whole file, or raise ValueError with the reason."""
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise ValueError(f"cannot read groom {path}: {error.strerror or error}") from None
+    return files.read_bytes(path, "groom")
+
+
+def read_text(path: Path) -> str:
+    """Return the whole file as text in UTF-8, without a byte order mark, or raise ValueError with the reason."""
+    return files.read_text(path, "groom")
 
 
 def _take(path: Path, data: bytes, at: int, kind: str, count: int, what: str) -> NDArray:
@@ -89,9 +124,8 @@ def _some(path: Path, count: int, what: str, at: int) -> None:
         raise ValueError(f"{path}: it says it holds {count} {what} (byte {at})")
 
 
-def _cyhair(path: Path) -> Raw:
+def _cyhair(path: Path, data: bytes) -> Raw:
     """Cem Yuksel's cyHair: a header of 128 bytes, then the arrays that its flags announce."""
-    data = read_bytes(path)
     magic, strands, points, flags, segments, thickness = _header(path, data, "<4sIIIIf")
     if magic != b"HAIR":
         raise ValueError(f"{path} is not a cyHair file: bytes 0 to 4 are {magic!r}, not b'HAIR'")
@@ -117,9 +151,73 @@ def _cyhair(path: Path) -> Raw:
     radius: NDArray[np.float32] | None = None
     if flags & 4:
         radius = (0.5 * _take(path, data, at, "<f4", points, "the thickness")).astype(np.float32)
-    elif 0 < thickness < 1:  # 1 is what writers leave there: no thickness that fits any groom
+    elif thickness != 0 and not (thickness == 1 and np.ptp(xyz, axis=0).max() < 1):
+        # 1 is also what cyHair's own writer leaves there. It is no thickness where it is more than the groom's size.
         radius = np.full(points, 0.5 * thickness, np.float32)
-    return xyz, counts, radius
+    return Raw(xyz, counts, radius)
+
+
+def _hair(path: Path) -> Raw:
+    """Files that end in .hair: cyHair by its first four bytes, else the layout of MonoHair."""
+    data = read_bytes(path)
+    return _cyhair(path, data) if data[:4] == b"HAIR" or len(data) < 8 else _monohair(path, data)
+
+
+def _monohair(path: Path, data: bytes) -> Raw:
+    """MonoHair, without a mark of its own: uint32 strands, uint32 points, uint16 points of each strand, float32 x y z."""
+    strands, points = _header(path, data, "<II")
+    size = 8 + 2 * strands + 12 * points
+    if not strands or size != len(data):
+        raise ValueError(
+            f"{path} is neither a cyHair file, whose bytes 0 to 4 are b'HAIR', nor MonoHair's: {strands} strands of {points}"
+            f" points in all (bytes 0 and 4) take {size} bytes, the file has {len(data)}"
+        )
+    counts = _take(path, data, 8, "<u2", strands, "the strands' points").astype(np.int64)
+    if counts.sum() != points:
+        raise ValueError(f"{path}: its strands have {counts.sum()} points, it says {points} (byte 4)")
+    return Raw(_take(path, data, 8 + 2 * strands, "<f4", 3 * points, "the points").reshape(-1, 3), counts)
+
+
+def _npz(path: Path) -> Raw:
+    """NumPy arrays: `points` (strands, points, 3), or (N, 3) with `counts` (strands,) or `offsets` (strands + 1,).
+
+    `radius`, where there is one: at each point, one a strand, or a single number.
+    """
+    arrays = read_arrays(path, "groom")
+    if "points" not in arrays:
+        raise ValueError(f"it must hold points, with counts or offsets where they are (N, 3); it has {', '.join(arrays)}")
+    points = _numbers(arrays, "points")
+    if points.ndim == 3:
+        counts = np.full(points.shape[0], points.shape[1], np.int64)
+    elif "counts" in arrays:
+        counts = _numbers(arrays, "counts", "iu").astype(np.int64)
+    elif "offsets" in arrays:
+        offsets = _numbers(arrays, "offsets", "iu").astype(np.int64)
+        counts = offsets[1:] - offsets[:-1]
+    else:
+        raise ValueError(f"points of shape {points.shape} need counts or offsets; it has {', '.join(arrays)}")
+    if points.shape[-1:] != (3,) or not points.size:
+        raise ValueError(f"points must have shape (strands, points, 3) or (N, 3), got {points.shape}")
+    points = points.reshape(-1, 3)
+    if counts.ndim != 1 or (counts < 0).any() or counts.sum() != len(points):
+        raise ValueError(f"its strands must have the {len(points)} points that it holds, they have {counts.sum()}")
+    if "radius" not in arrays:
+        return Raw(points, counts)
+    radius = _numbers(arrays, "radius")
+    if radius.size == len(points):
+        return Raw(points, counts, radius.ravel())
+    if radius.size not in (1, len(counts)):
+        raise ValueError(
+            f"radius must have {len(points)} values, one a point, or {len(counts)}, one a strand, or 1; got {radius.size}"
+        )
+    return Raw(points, counts, np.repeat(np.broadcast_to(radius.ravel(), len(counts)), counts))
+
+
+def _numbers(arrays: dict[str, NDArray], name: str, kinds: str = "fiu") -> NDArray:
+    if arrays[name].dtype.kind not in kinds:
+        wanted = "numbers" if "f" in kinds else "whole numbers"
+        raise ValueError(f"{name} must be {wanted}, got an array of {arrays[name].dtype}")
+    return arrays[name]
 
 
 def _usc(path: Path) -> Raw:
@@ -139,7 +237,7 @@ def _usc(path: Path) -> Raw:
         at += 4 + 12 * count
     if at != len(data):
         raise ValueError(f"{path}: after {strands} strands {len(data) - at} bytes are left (byte {at})")
-    return np.concatenate(parts).reshape(-1, 3), np.array(counts, np.int64), None
+    return Raw(np.concatenate(parts).reshape(-1, 3), np.array(counts, np.int64))
 
 
 def _tressfx(path: Path) -> Raw:
@@ -158,17 +256,17 @@ def _tressfx(path: Path) -> Raw:
             raise ValueError(f"{path}: its positions begin at byte {offset} (byte 12), inside the header of 160 bytes")
         values = _take(path, data, offset, "<f4", 4 * count, f"{strands} strands of {vertices} points")
         xyz = values.reshape(-1, 4)[:, :3]
-    return xyz, np.full(strands, vertices, np.int64), None
+    return Raw(xyz, np.full(strands, vertices, np.int64))
 
 
 def _text(path: Path) -> Raw:
-    """Mitsuba's text: one line `x y z radius` per point, a blank line between strands. Read as points of the strand."""
-    data = read_bytes(path)
-    try:
-        lines = data.decode("utf-8").splitlines()
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{path} is not UTF-8 text: byte {error.start}") from None
-    rows: list[tuple[float, ...]] = []
+    """Mitsuba's text: one line `x y z radius` per point, a blank line between strands.
+
+    The lines are control points of cubic B-splines, as of `bsplinecurve`. That plugin refuses a file with a strand of fewer
+    than 4 lines: such a file is `linearcurve`'s, and its lines are points.
+    """
+    lines = read_text(path).splitlines()
+    rows = array("d")
     counts: list[int] = [0]
     for number, line in enumerate(lines, 1):
         words = line.split()
@@ -182,60 +280,31 @@ def _text(path: Path) -> Raw:
             row = ()
         if len(row) != 4:
             raise ValueError(f"{path}: line {number} must be x y z radius, got {line.strip()[:60]!r}")
-        rows.append(row)
+        rows.extend(row)
         counts[-1] += 1
     if not rows:
         raise ValueError(f"{path} holds no strand")
-    values = np.array(rows, np.float32)
-    return values[:, :3], np.array([c for c in counts if c], np.int64), values[:, 3]
+    values, strands = np.frombuffer(rows).reshape(-1, 4), np.array([c for c in counts if c], np.int64)
+    if len(strands) > 1 and not values[-strands[-1] :, 3].any():  # what `Groom.save` adds for Mitsuba's sake
+        values, strands = values[: -strands[-1]], strands[:-1]
+    type_ = "cubic" if strands.min() >= 4 else "linear"
+    found, points, bend = splines.to_splines(values, strands, type_)
+    return Raw(found[:, :3], points, found[:, 3], bend)
 
 
-def _usd(path: Path) -> Raw:
-    """USD: all BasisCurves of the stage's default time, in world space."""
-    try:
-        from pxr import Tf, Usd, UsdGeom
-    except ImportError:
-        raise ValueError(f"reading {path} needs the package usd-core: pip install 'cuticle[usd]'") from None
-    if not path.is_file():
-        raise ValueError(f"cannot read groom {path}: No such file or directory")
-    try:
-        stage = Usd.Stage.Open(str(path))
-    except Tf.ErrorException as error:
-        raise ValueError(f"cannot read groom {path}: {str(error).splitlines()[0]}") from None
-    places = UsdGeom.XformCache()
-    points, counts, radius = [], [], []
-    for prim in stage.Traverse():
-        if not prim.IsA(UsdGeom.BasisCurves):
-            continue
-        curves = UsdGeom.BasisCurves(prim)
-        xyz = np.array(curves.GetPointsAttr().Get() or [], np.float64).reshape(-1, 3)
-        own = np.array(curves.GetCurveVertexCountsAttr().Get() or [], np.int64)
-        if own.sum() != len(xyz) or (own < 0).any():
-            raise ValueError(f"{path}: {prim.GetPath()} has {len(xyz)} points, its curves say {own.sum()}")
-        matrix = np.array(places.GetLocalToWorldTransform(prim))
-        points.append(xyz @ matrix[:3, :3] + matrix[3, :3])
-        counts.append(own)
-        widths = np.array(curves.GetWidthsAttr().Get() or [], np.float64) * np.cbrt(abs(np.linalg.det(matrix[:3, :3])))
-        if len(widths) in (1, len(own)):
-            widths = np.broadcast_to(widths, len(own)) if len(widths) == 1 else widths
-            radius.append(0.5 * np.repeat(widths, own))
-        elif len(widths) == len(xyz):
-            radius.append(0.5 * widths)
-    if not points or not sum(map(len, points)):
-        raise ValueError(f"{path} holds no BasisCurves")
-    whole = sum(map(len, radius)) == sum(map(len, points))
-    return (
-        np.concatenate(points).astype(np.float32),
-        np.concatenate(counts),
-        np.concatenate(radius).astype(np.float32) if whole else None,
-    )
+def _scene(arrays: dict[str, NDArray]) -> Raw:
+    notes = tuple(map(str, arrays["notes"]))
+    radius = arrays["radius"] if arrays["radius"].size else None
+    return Raw(arrays["points"], arrays["counts"], radius, arrays["bend"], notes)
 
 
 READERS = [
-    Reader("cyHair", (".hair",), _cyhair),
+    Reader("cyHair or MonoHair", (".hair",), _hair),
     Reader("USC-HairSalon", (".data",), _usc),
     Reader("TressFX 3 and 4", (".tfx",), _tressfx),
-    Reader("USD", (".usd", ".usda", ".usdc", ".usdz"), _usd),
-    Reader("Alembic", (".abc",), read_alembic),
+    Reader("USD", (".usd", ".usda", ".usdc", ".usdz"), lambda path, frame=None: _scene(read_usd(path, frame)), timed=True),
+    Reader("Alembic", (".abc",), lambda path: _scene(read_alembic(path))),
+    Reader("PLY", (".ply",), lambda path: Raw(*read_ply(path))),
+    Reader("NumPy arrays", (".npz",), _npz),
     Reader("Mitsuba's text", (".txt", ".curves"), _text),
 ]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cuticle._support import validate
-from cuticle._support.files import writable_directory, write_bytes, write_text
+from cuticle._support.files import make_directory, write_bytes, write_text
 from cuticle._support.plots import figure_bytes
 from cuticle._support.progress import Progress
 from cuticle.fitting.fit import SAMPLINGS
@@ -93,7 +93,7 @@ class Comparison:
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
         """Write compare.json, the sheet of pictures and the error curves to a folder."""
-        target = writable_directory(folder)
+        target = make_directory(folder)
         write_text(target / "compare.json", json.dumps(self.to_dict(), indent=2) + "\n")
         write_bytes(target / "sheet.png", sheet(self))
         write_bytes(target / "curves.png", curves(self))

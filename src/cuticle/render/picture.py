@@ -19,6 +19,8 @@ __all__ = ["FORMATS", "Pass", "over_backdrop", "passes", "rel_mse", "render", "s
 
 FORMATS = (".exr", ".png")
 MAX_SPP = 1 << 20
+MAX_SEED = 10_000
+MAX_EXPOSURE = 32  # stops, either way: all of single precision's is white or black then
 _PASS_SECONDS = 0.5
 
 Image = NDArray[np.float64]
@@ -49,7 +51,7 @@ def passes(scene: Any, spp: int, *, seed: int = 0, step: int | None = None) -> I
     import mitsuba as mi
 
     spp = validate.integer("spp", spp, 1, MAX_SPP)
-    seed = validate.integer("seed", seed, 0, 10_000)
+    seed = validate.integer("seed", seed, 0, MAX_SEED)
     total: Any = 0.0
     done, seconds, number, size = 0, 0.0, 0, step or 1
     while done < spp:
@@ -105,6 +107,7 @@ def save_picture(path: str | os.PathLike[str], image: Image, *, exposure: float 
         Stops by which a PNG is brightened.
     """
     target = picture_path(path)
+    exposure = validate.number("exposure", exposure, -MAX_EXPOSURE, MAX_EXPOSURE, unit="stops")
     import mitsuba as mi
 
     if target.suffix.lower() == ".exr":

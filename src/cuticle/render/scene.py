@@ -21,6 +21,7 @@ __all__ = ["INTEGRATORS", "LIGHTS", "Light", "View", "bsdf", "integrator", "load
 LIGHTS = ("env", "studio", "area", "point", "sun")
 INTEGRATORS = ("path", "direct", "dual")
 MAX_PIXELS = 8192
+SMALLEST = 1e-3  # Mitsuba's frames on curves of radius 1e-7 and less are NaN
 
 
 def mitsuba(variant: str = "scalar_rgb") -> Any:
@@ -91,7 +92,7 @@ class View:
         tangents = math.tan(math.radians(self.fov) / 2) * np.array([1, self.height / self.width])
         distance = float((np.abs(relative[:, :2]) * margin / tangents + relative[:, 2:]).max())
         target = centre @ axes
-        return target + axes[2] * max(distance, 1e-6) / self.zoom, target
+        return target + axes[2] * distance / self.zoom, target
 
 
 @dataclass(frozen=True)
@@ -207,9 +208,18 @@ def load_scene(
         The integrator, a dictionary. Default: the path tracer.
     others
         Further shapes, dictionaries by name.
+
+    Raises
+    ------
+    ValueError
+        The groom is less than 1e-3 across.
     """
     view, light = view or View(), light or Light()
+    low, high = groom.bounds
+    if not (size := float((high - low).max())) >= SMALLEST:
+        raise ValueError(f"the groom must be at least {SMALLEST:g} across to be rendered, got {size:.3g}; scale it up")
     origin, target = view.place(groom)
+    distance = float(np.linalg.norm(origin - target))  # Mitsuba's camera sees from .01 to 10,000, in whatever unit
     camera = mi.ScalarTransform4f().look_at(origin=origin.tolist(), target=target.tolist(), up=view.axes()[1].tolist())
     with tempfile.TemporaryDirectory() as folder:
         curves = Path(folder) / "groom.txt"
@@ -222,6 +232,8 @@ def load_scene(
                     "type": "perspective",
                     "fov": view.fov,
                     "fov_axis": "x",
+                    "near_clip": 1e-4 * distance,
+                    "far_clip": 1e4 * distance,
                     "to_world": camera,
                     "film": {
                         "type": "hdrfilm",

@@ -13,7 +13,7 @@ from typing import Any
 import jinja2
 import numpy as np
 
-from cuticle._support.files import read_text, write_text
+from cuticle._support.files import read_bytes, read_text, reading, write_text
 from cuticle._support.plain_values import number
 from cuticle._support.version import __version__
 from cuticle.draft.as_values import VERSION
@@ -50,14 +50,13 @@ def write_report(folder: str | os.PathLike[str]) -> Path:
     }
     page: dict[str, Any] = {name.removesuffix(".json"): None for name in RESULTS}
     for name, data in found.items():
-        try:
+        with reading(folder / name, "result", remedy=f"it is not what `{RESULTS[name]}` writes, make it again"):
             page[name.removesuffix(".json")] = views[name](data, folder)
-        except (KeyError, TypeError, AttributeError, IndexError) as error:
-            raise ValueError(f"{folder / name} is not what `{RESULTS[name]}` writes: {error!r}; make it again") from None
     page["name"] = (found.get("document.json") or {}).get("name") or ""
     page["missing"] = [{"name": n, "command": c.replace("DIR", str(folder))} for n, c in RESULTS.items() if n not in found]
     page["densities"] = _densities(folder)
-    page["fibre"] = _fibre_rows(_fibre(found, folder))
+    with reading(folder, "the fibre in"):
+        page["fibre"] = _fibre_rows(_fibre(found, folder))
     page["versions"] = [
         ("Cuticle", __version__),
         ("Python", platform.python_version()),
@@ -68,20 +67,22 @@ def write_report(folder: str | os.PathLike[str]) -> Path:
         loader=jinja2.PackageLoader("cuticle.report"), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True,
         lstrip_blocks=True,
     )  # fmt: skip
-    html = environment.get_template("report.html.j2").render(page)
+    with reading(folder, "results in"):
+        html = environment.get_template("report.html.j2").render(page)
     if len(html.encode()) > LIMIT:
         raise ValueError(f"the report would have {len(html.encode()) / 1e6:.1f} MB, more than 5; draw smaller figures")
     return write_text(folder / "report.html", html)
 
 
 def _read(path: Path) -> Any:
-    try:
-        data = json.loads(read_text(path, "result"))
-    except json.JSONDecodeError as error:
-        raise ValueError(f"cannot read result {path}: it is cut short or no JSON ({error})") from None
-    if not isinstance(data, dict):
-        raise ValueError(f"cannot read result {path}: it must hold one object")
-    return data
+    with reading(path, "result"):
+        try:
+            data = json.loads(read_text(path, "result"))
+        except json.JSONDecodeError as error:
+            raise ValueError(f"it is cut short or no JSON ({error})") from None
+        if not isinstance(data, dict):
+            raise ValueError("it must hold one object")
+        return data
 
 
 def _ess(value: float) -> dict[str, str]:
@@ -242,11 +243,8 @@ def _quality(quality: dict[str, Any], lobes: int) -> dict[str, Any]:
 
 def _image(path: Path) -> str:
     kinds = {".svg": "image/svg+xml", ".png": "image/png"}
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise ValueError(f"cannot read figure {path}: {error.strerror or error}; run `cuticle document -o` again") from None
-    return f"data:{kinds[path.suffix]};base64,{base64.b64encode(data).decode()}"
+    data = base64.b64encode(read_bytes(path, "figure"))
+    return f"data:{kinds[path.suffix]};base64,{data.decode()}"
 
 
 def _densities(folder: Path) -> str | None:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from cuticle._support import validate
-from cuticle._support.files import read_text, write_text
+from cuticle._support.files import read_text, reading, write_text
 from cuticle.sampling.families import FAMILIES, NORMAL, core_table, padded
 from cuticle.sampling.lobe_table import PARAMETERS, check_table
 from cuticle.scattering.bcsdf import Sample
@@ -282,6 +282,11 @@ class Sampler:
     @classmethod
     def from_json(cls, text: str, *, source: str = "sampler") -> Sampler:
         """Read a sampler from JSON text; error messages call it `source`."""
+        with reading(source, "sampler"):
+            return cls._parsed(text, source)
+
+    @classmethod
+    def _parsed(cls, text: str, source: str) -> Sampler:
         try:
             data = json.loads(text, parse_constant=_refuse_constant)
         except json.JSONDecodeError as error:

@@ -7,7 +7,7 @@ from inspect import signature
 from pathlib import Path
 from typing import Any, Protocol
 
-from cuticle._support.files import read_text, toml_tables
+from cuticle._support.files import read_text, reading, toml_tables
 from cuticle._support.progress import Progress
 from cuticle.scattering.among_strands import Strands
 from cuticle.scattering.bcsdf import Bcsdf, with_strands
@@ -71,7 +71,9 @@ def read_parameters_or_model(name: str, parameters: Sequence[str] = (), *, progr
     if suffix == ".toml" or Path(name).exists():
         text = read_text(name, "model")
         readers = _toml_readers()
-        return readers[next((t for t in toml_tables(text) if t in readers), Fibre.table_name)].from_toml(text, source=name)
+        return readers[next((t for t in toml_tables(text, name) if t in readers), Fibre.table_name)].from_toml(
+            text, source=name
+        )
     raise ValueError(f"a scattering function must be {known_names()}; got {name!r}")
 
 
@@ -141,10 +143,16 @@ def model_of(sampler: MadeOf, name: str | None = None, *, progress: Progress | N
     ValueError
         The sampler has no record of its model, or the table it names is missing or has changed.
     """
-    about = sampler.about
-    model = _restored(about) if name is None else read_model(name, progress=progress)
-    if "among" in about and not hasattr(model, "with_strands"):
-        model = Strands(model, **about["among"])
+    if name is not None:
+        return _among(read_model(name, progress=progress), sampler)
+    with reading("this sampler", "the scattering function of"):
+        return _among(_restored(sampler.about), sampler)
+
+
+def _among(model: Any, sampler: MadeOf) -> Any:
+    """Return the model among strands if the sampler's was, and for its first strand count."""
+    if "among" in sampler.about and not hasattr(model, "with_strands"):
+        model = Strands(model, **sampler.about["among"])
     return with_strands(model, sampler.covers[0])
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 import os
 import zipfile
 from pathlib import Path
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cuticle._support.files import write_bytes
+from cuticle._support.files import check_size, opened, read_text, reading, write_bytes
 
 AXES = ("theta_r", "theta_i", "phi")
 _HELP = "it needs theta_r, theta_i, phi (radians; or theta_r_deg … in degrees) and f"
@@ -44,42 +45,49 @@ def write_table(path: str | os.PathLike[str], theta_r: NDArray, theta_i: NDArray
 
 def read_arrays(path: str | os.PathLike[str], what: str) -> dict[str, NDArray]:
     """Return the arrays of an .npz file, or raise ValueError with the reason."""
-    try:
-        with open(path, "rb") as opened:
-            file = np.load(opened, allow_pickle=False)
-            if not isinstance(file, np.lib.npyio.NpzFile):
-                raise ValueError("it is a single array")
-            with file:
-                return {name: file[name] for name in file.files}
-    except OSError as error:
-        raise ValueError(f"cannot read {what} {path}: {error.strerror or error}") from None
-    except (ValueError, EOFError, KeyError, zipfile.BadZipFile, zipfile.LargeZipFile) as error:
-        raise ValueError(f"cannot read {what} {path}: not a whole .npz file ({error})") from None
+    with reading(path, what), opened(path) as file:
+        if not zipfile.is_zipfile(file):
+            raise ValueError("not a whole .npz file")
+        file.seek(0)
+        with zipfile.ZipFile(file) as archive:
+            check_size(sum(_declared_bytes(archive, member) for member in archive.infolist()))
+        file.seek(0)
+        with np.load(file, allow_pickle=False) as arrays:
+            return {name: arrays[name] for name in arrays.files}
+
+
+def _declared_bytes(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> int:
+    """Return the bytes that an array's header asks for; raise ValueError where its member holds fewer."""
+    with archive.open(member) as file:
+        version = np.lib.format.read_magic(file)
+        # Version 3 differs from 2 in the encoding of field names alone.
+        header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, dtype = header(file)
+        size = math.prod(shape) * dtype.itemsize
+        if not dtype.hasobject and size > member.file_size - file.tell():
+            raise ValueError(f"{member.filename} is cut short: shape {shape} needs {size:,} bytes, it holds fewer")
+        return size
 
 
 def read_rows(path: str | os.PathLike[str], what: str) -> tuple[list[str], NDArray[np.float64]]:
     """Return the column names and the numbers of a CSV file with a header, or raise ValueError with the line."""
-    try:
-        with open(path, encoding="utf-8-sig", newline="") as file:
-            rows = csv.reader(line for line in file if line.strip() and not line.startswith("#"))
-            header = [name.strip() for name in next(rows, [])]
-            data: list[list[float]] = []
-            for number, row in enumerate(rows, 2):
-                if len(row) != len(header):
-                    raise ValueError(f"row {number} has {len(row)} values, the header has {len(header)}")
-                try:
-                    data.append([float(x) if x.strip() else np.nan for x in row])
-                except ValueError:
-                    raise ValueError(f"row {number} holds something that is not a number: {','.join(row)[:60]}") from None
-    except OSError as error:
-        raise ValueError(f"cannot read {what} {path}: {error.strerror or error}") from None
-    except UnicodeDecodeError:
-        raise ValueError(f"cannot read {what} {path}: it is not text in UTF-8") from None
-    except ValueError as error:
-        raise ValueError(f"cannot read {what} {path}: {error}") from None
-    if not data:
-        raise ValueError(f"cannot read {what} {path}: it holds no rows under its header")
-    return header, np.array(data)
+    with reading(path, what):
+        text = read_text(path, what)
+        rows = csv.reader(line for line in io.StringIO(text) if line.strip() and not line.startswith("#"))
+        header = [name.strip() for name in next(rows, [])]
+        if len(set(header)) < len(header):
+            raise ValueError(f"its header names a column twice: {','.join(header)[:60]}")
+        data: list[list[float]] = []
+        for number, row in enumerate(rows, 2):
+            if len(row) != len(header):
+                raise ValueError(f"row {number} has {len(row)} values, the header has {len(header)}")
+            try:
+                data.append([float(x) if x.strip() else np.nan for x in row])
+            except ValueError:
+                raise ValueError(f"row {number} holds something that is not a number: {','.join(row)[:60]}") from None
+        if not data:
+            raise ValueError("it holds no rows under its header")
+        return header, np.array(data)
 
 
 def _angle(columns: dict[str, Any], name: str, path: Any) -> NDArray[np.float64]:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cuticle._support import validate
+from cuticle._support.files import read_bytes, reading
 from cuticle.scattering.bcsdf import luminance
 from cuticle.scattering.holes import fill_holes
 from cuticle.scattering.noise import LEAST_SHARE, settle_noise
@@ -191,12 +192,9 @@ class Tabulated:
         ValueError
             The file cannot be read or holds no such table; the message names the line and the remedy.
         """
-        table = read_table(path)
-        try:
-            made = cls(*table, even=even, smooth=smooth)
-        except ValueError as error:
-            raise ValueError(f"{path}: {error}") from None
-        made.source = {"path": str(path), "sha256": hashlib.sha256(Path(path).read_bytes()).hexdigest()}
+        with reading(path, "table"):
+            made = cls(*read_table(path), even=even, smooth=smooth)
+        made.source = {"path": str(path), "sha256": hashlib.sha256(read_bytes(path, "table")).hexdigest()}
         made.source |= {k: v for k, v in (("even", even), ("smooth", smooth or None)) if v is not None}
         return made
 
@@ -385,7 +383,7 @@ def _read_again(source: dict[str, Any]) -> Tabulated:
     path = Path(source["path"])
     if not path.exists():
         raise ValueError(f"this sampler was fitted to {path}, which is not there; name the table with --model")
-    if hashlib.sha256(path.read_bytes()).hexdigest() != source.get("sha256"):
+    if hashlib.sha256(read_bytes(path, "table")).hexdigest() != source.get("sha256"):
         raise ValueError(
             f"this sampler was fitted to {path}, which has changed since; fit again, or name another with --model"
         )

@@ -4,5 +4,6 @@ from __future__ import annotations
 
 from cuticle.export.cpp_header import header
 from cuticle.export.registry import Host
+from cuticle.export.reserved_words import CPP
 
-HOST = Host("C++17 with the core's headers in it, for float and double", lambda job: header(job, cuda=False))
+HOST = Host("C++17 with the core's headers in it, for float and double", lambda job: header(job, cuda=False), reserved=CPP)

@@ -7,6 +7,7 @@ from types import MappingProxyType
 from cuticle.export.formulas import Printer
 from cuticle.export.formulas.tree import Node, Record, Vector
 from cuticle.export.registry import Host
+from cuticle.export.reserved_words import GLSL
 from cuticle.export.shader import Dialect, shader
 
 _COMPARE = {
@@ -60,4 +61,10 @@ DIALECT = Dialect(
     texture="uniform highp sampler2D {name}_model;",
     fetch="texelFetch({name}_model, ivec2((i) % {width}, (i) / {width}), 0)",
 )
-HOST = Host("GLSL ES 3.00 and 4.50, without loops of varying length", lambda job: shader(job, DIALECT))
+HOST = Host(
+    "GLSL ES 3.00 and 4.50, without loops of varying length",
+    lambda job: shader(job, DIALECT),
+    textured=True,
+    reserved=GLSL,
+    reserved_prefixes=("gl_",),
+)

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from cuticle.export.formulas import Printer
 from cuticle.export.formulas.tree import Instance, Node, Record, Vector
 from cuticle.export.registry import Host
+from cuticle.export.reserved_words import HLSL
 from cuticle.export.shader import Dialect, shader
 
 _WORDS = """
@@ -70,4 +71,4 @@ DIALECT = Dialect(
     texture="Texture2D<float4> {name}_model;",
     fetch="{name}_model.Load(int3((i) % {width}, (i) / {width}, 0))",
 )
-HOST = Host("the same in HLSL", lambda job: shader(job, DIALECT))
+HOST = Host("the same in HLSL", lambda job: shader(job, DIALECT), textured=True, reserved=HLSL, reserved_prefixes=("SV_",))

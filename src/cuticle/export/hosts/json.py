@@ -11,4 +11,4 @@ def write(job: Job) -> Export:
     return Export(job.sampler.to_json(), size)
 
 
-HOST = Host("the sampler's file", write, model="never")
+HOST = Host("the sampler's file", write, model="never", named=False, framed=False)

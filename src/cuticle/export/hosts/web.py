@@ -78,4 +78,6 @@ def _packed(texels: NDArray[np.float32]) -> str:
     return base64.b64encode(out.tobytes()).decode()
 
 
-HOST = Host("a page in which to turn viewer, strands and number of lobes", page, model="always", tolerance=TOLERANCE)
+HOST = Host(
+    "a page in which to turn viewer, strands and number of lobes", page, model="always", tolerance=TOLERANCE, framed=False
+)

@@ -1,0 +1,70 @@
+"""Words that a name in an export may not be, by language, and beginnings that a language keeps for itself.
+
+Sources: C++23 [lex.key], [reserved.names], [zombie.names]; the C library's functions, which implementations declare
+outside `std`, too; the CUDA C++ Programming Guide's extensions; GLSL 4.60 and GLSL ES 3.20, section 3.6; the HLSL
+reference's keywords and reserved words.
+"""
+
+from __future__ import annotations
+
+_C = """
+    auto bool break case char const constexpr continue default do double else enum extern false float for goto if inline
+    int long nullptr register return short signed sizeof static static_assert struct switch thread_local true typedef
+    typeof typeof_unqual union unsigned void volatile while
+"""
+_LIBRARY = """
+    abort abs acos acosh asin asinh assert atan atan2 atanh atexit atof atoi atol bsearch calloc cbrt ceil clock
+    copysign cos cosh ctime div erf erfc errno exit exp exp2 expm1 fabs fdim floor fma fmax fmin fmod fopen fpclassify
+    fprintf free frexp fscanf getenv gmtime hypot ilogb index isfinite isinf isnan isnormal j0 j1 jn labs ldexp lgamma
+    linux llabs lldiv llrint llround localtime log log10 log1p log2 logb longjmp lrint lround main malloc memchr memcmp
+    memcpy memmove memset mktime modf nan nearbyint nextafter nexttoward offsetof perror posix pow printf putchar puts
+    qsort raise rand realloc remainder remquo remove rename rewind rint round scalbln scalbn scanf select setjmp signal
+    signbit signgam sin sincos sinh sprintf sqrt srand stdin stdout stderr strcat strcmp strcpy strlen system tan tanh
+    tgamma time trunc unix y0 y1 yn EOF INFINITY NAN NDEBUG NULL near far min max
+"""
+_CPP = """
+    alignas alignof and and_eq asm atomic_cancel atomic_commit atomic_noexcept bitand bitor catch char8_t char16_t
+    char32_t class co_await co_return co_yield compl concept const_cast consteval constinit contract_assert decltype
+    delete dynamic_cast explicit export final friend import module mutable namespace new noexcept not not_eq operator or
+    or_eq override private protected public reflexpr reinterpret_cast requires static_cast synchronized template this
+    throw try typeid typename using virtual wchar_t xor xor_eq
+"""
+_CUDA = """
+    blockDim blockIdx char1 char2 char3 char4 cuda dim3 double1 double2 double3 double4 float1 float2 float3 float4
+    gridDim int1 int2 int3 int4 long1 long2 nv nvcuda threadIdx thrust uchar uint uint1 uint2 uint3 uint4 ulong ushort
+    warpSize
+"""
+_GLSL = """
+    active asm atomic_uint attribute bool break buffer bvec2 bvec3 bvec4 case cast centroid class coherent common const
+    continue default demote discard dmat2 dmat3 dmat4 do double dvec2 dvec3 dvec4 else enum extern external false filter
+    fixed flat float for fvec2 fvec3 fvec4 goto half highp hvec2 hvec3 hvec4 if iimage2D image2D image3D imageCube in
+    inline inout input int interface invariant isampler2D isampler3D isamplerCube ivec2 ivec3 ivec4 layout long lowp
+    main mat2 mat2x2 mat2x3 mat2x4 mat3 mat3x2 mat3x3 mat3x4 mat4 mat4x2 mat4x3 mat4x4 mediump namespace noinline
+    noperspective out output partition patch precise precision public readonly resource restrict return sample sampler
+    sampler1D sampler2D sampler2DArray sampler2DRect sampler3D sampler3DRect samplerBuffer samplerCube shared short
+    sizeof smooth static struct subroutine superp switch template texture texture2D this true typedef uimage2D uint
+    uniform union unsigned usampler2D usampler3D usamplerCube using uvec2 uvec3 uvec4 varying vec2 vec3 vec4 void
+    volatile while writeonly
+"""
+_HLSL = """
+    AppendStructuredBuffer Buffer ByteAddressBuffer ConstantBuffer RWBuffer RWStructuredBuffer RWTexture2D SamplerState
+    StructuredBuffer Texture1D Texture2D Texture3D TextureCube asm auto bool break case catch cbuffer centroid char
+    class column_major compile const const_cast continue default delete discard do double dword dynamic_cast else enum
+    explicit export extern false fixed float for friend fxgroup globallycoherent goto groupshared half if in inline
+    inout int interface line lineadj linear long main matrix min10float min12int min16float min16int min16uint mutable
+    namespace new nointerpolation noperspective operator out packoffset pass pixelfragment point precise private
+    protected public register reinterpret_cast return row_major sample sampler shared short signed sizeof snorm
+    stateblock static static_cast string struct switch tbuffer technique template texture this throw triangle
+    triangleadj true try typedef typename uint uniform union unorm unsigned using vector vertexfragment virtual void
+    volatile while
+"""
+_NUMBERS = {f"{kind}{n}" for kind in ("bool", "int", "uint", "half", "float", "double") for n in (1, 2, 3, 4)}
+_MATRICES = {
+    f"{kind}{m}x{n}" for kind in ("bool", "int", "uint", "half", "float", "double") for m in range(1, 5) for n in range(1, 5)
+}
+
+OURS = frozenset({"cuticle"})
+CPP = frozenset((_C + _CPP + _LIBRARY).split()) | {"std", *(f"std{n}" for n in range(10))}
+CUDA = CPP | frozenset(_CUDA.split())
+GLSL = frozenset(_GLSL.split())
+HLSL = frozenset(_HLSL.split()) | _NUMBERS | _MATRICES

@@ -1,0 +1,41 @@
+"""A share of `make fuzz`: damaged files of every format, and readers that are wrong, each of which it must find."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+RUN = Path(__file__).parent / "fuzz" / "run.py"
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has neither alarms nor limits of memory")
+
+
+def fuzz(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, str(RUN), "--keep", str(folder), *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_damaged_files_are_refused_or_read_whole(tmp_path: Path) -> None:
+    done = fuzz("--count", "150", "--seed", "20", folder=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    for name in ("a.hair", "a.data", "a.tfx", "a.txt", "a.ply", "a.npz", "packed.npz"):
+        assert f"{name}: 150 inputs, 0 faults" in done.stdout
+
+
+def test_the_fuzzer_finds_readers_that_are_wrong(tmp_path: Path) -> None:
+    wrong = {
+        "crash": "crash (-11)",
+        "hang": "hang",
+        "fill": "MemoryError",
+        "leak": "KeyError",
+        "nan": "AssertionError",
+        "mute": "message",
+    }
+    done = fuzz("--count", "1", "--hang", "1", *wrong, folder=tmp_path)
+    assert done.returncode == 1
+    found = dict(line.split(": ", 1) for line in done.stdout.splitlines())
+    for name, words in wrong.items():
+        assert found[name] == "1 inputs, 1 faults"
+        assert words in found[str(tmp_path / f"{name}-1-0")]
