@@ -10,7 +10,7 @@ import typer
 from cuticle._support import validate
 from cuticle._support.files import read_text
 from cuticle.checking.check import check
-from cuticle.checking.verdicts import LIMITS
+from cuticle.checking.verdicts import EXIT_CODES, LIMITS
 from cuticle.cli.tables import check_tables
 from cuticle.cli.terminal import STANDARD_OUTPUT, JsonOption, check_output, out, progress_bar, read_strands, write_output
 from cuticle.sampling.sampler import Sampler
@@ -51,5 +51,4 @@ def command(
     else:
         for listing in check_tables(report):
             out.print(listing)
-    if not report.ok:
-        raise typer.Exit(1)
+    raise typer.Exit(EXIT_CODES[report.outcome])

@@ -15,6 +15,9 @@ from cuticle.checking.verdicts import Verdict
 from cuticle.draft.layout import shown_tables
 from cuticle.fitting.result import Fit
 
+MARKS = {"pass": "[green]pass[/]", "fail": "[red]FAIL[/]", "inconclusive": "[yellow]inconclusive[/]"}
+RESULTS = {"pass": "[green]passes[/]", "fail": "[red]FAILED[/]", "inconclusive": "[yellow]is inconclusive[/]"}
+
 
 def table(title: str, caption: str | None = None) -> Table:
     """Return an empty table in our style."""
@@ -55,8 +58,7 @@ def verdict_table(title: str, verdicts: Iterable[Verdict]) -> Table:
     for column in ("", "test", "worst", "limit", "where", "what is measured"):
         listing.add_column(column)
     for v in verdicts:
-        mark = "[green]pass[/]" if v.passed else "[red]FAIL[/]"
-        listing.add_row(mark, v.name, f"{v.value:.2g}", f"{v.limit:.2g}", v.where, v.meaning)
+        listing.add_row(MARKS[v.outcome], v.name, f"{v.value:.2g}", f"{v.limit:.2g}", v.undecided or v.where, v.meaning)
     return listing
 
 
