@@ -95,7 +95,7 @@ app = typer.Typer(
     help="Importance samplers for hair fibres: fitted to a scattering function, and proven correct.",
     cls=_OnDemand,
     no_args_is_help=True,
-    **_LOOK,
+    **_LOOK | {"add_completion": True},
 )
 
 
@@ -173,7 +173,7 @@ def _run(stopped: Callable[[], bool]) -> int:
         for argument in sys.argv[1:]:
             if not argument or re.fullmatch(r"--[\w-]+=", argument):  # a path of no letters would be the current folder
                 raise ValueError(f"an argument is empty: {argument or repr('')}; leave it out, or give it a value")
-        code = app(args=sys.argv[1:] or ["--help"], standalone_mode=False)
+        code = app(args=sys.argv[1:] or ["--help"], prog_name="cuticle", standalone_mode=False)
         sys.stdout.flush()  # a pipe that is closed says so now
         return code or 0
     except (KeyboardInterrupt, typer.Abort):
