@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import cuticle
+from command import run
 from cuticle import Chiang, audit
 from cuticle.checking.chi_square import chi_square
 from cuticle.checking.foreign_sampler import foreign_sampler
@@ -353,3 +354,31 @@ def test_chi_square_is_uniform_where_the_expectation_is_right() -> None:
     assert np.mean(np.array(values) < 0.05) < 0.09
     moved = np.roll(share, 1)
     assert chi_square(rng.multinomial(5000, moved.ravel()).reshape(20, 20), share * 5000).p_value < 1e-9
+
+
+@pytest.mark.parametrize(("rows", "outcome"), [(0, "inconclusive"), (900, "inconclusive"), (1100, "pass")])
+def test_a_sampler_that_gives_next_to_no_direction_is_inconclusive(rows: int, outcome: str) -> None:
+    """A uniform sphere that drops all but `rows` of 100,000 samples, and whose pdf says so."""
+    share = rows / 100_000
+
+    def sample(theta_r: float, u: np.ndarray) -> tuple[np.ndarray, ...]:
+        kept = np.arange(len(u)) % 100_000 < rows
+        return np.arcsin(2 * u[:, 0] - 1), np.pi * (2 * u[:, 1] - 1), np.where(kept, share / (4 * np.pi), 0)
+
+    def pdf(theta: np.ndarray, theta_r: float, phi: np.ndarray) -> np.ndarray:
+        return np.full(len(theta), share / (4 * np.pi))
+
+    report = audit(sample, pdf, samples=100_000, theta_r=[0.0])
+    assert report.outcome == outcome, report
+    assert [v.name for v in report.verdicts if v.undecided] == (["samples follow the pdf"] if outcome != "pass" else [])
+    if not rows:  # with f = 0, too
+        dark = audit(sample, pdf, lambda theta, theta_r, phi: 0 * theta, samples=100_000, theta_r=[0.0])
+        assert dark.outcome == "inconclusive"
+        assert "f is 0 in all directions" in repr(dark)
+
+
+def test_a_plugin_without_directions_is_inconclusive(use_variant: Callable[[str], Any]) -> None:
+    use_variant("scalar_rgb")
+    done = run("audit", "mitsuba:hair", "longitudinal_roughness=nan", "--samples", "10000", "--theta-r", "0")
+    assert done.returncode in (1, 3), done
+    assert "passes" not in done.stdout

@@ -231,3 +231,22 @@ def test_what_does_nothing_and_what_is_no_value_is_refused_before_any_work(
     arguments: tuple[str, ...], words: str, fitted: Path, tmp_path: Path
 ) -> None:
     refused(*(str(fitted) if a == "SAMPLER" else a for a in arguments), words=words, cwd=tmp_path)
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_knows_commands_and_their_options(shell: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("_CUTICLE_COMPLETE", "_TYPER_COMPLETE_ARGS", "COMP_WORDS", "COMP_CWORD"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("_CUTICLE_COMPLETE", f"complete_{shell}")
+    monkeypatch.setenv("_TYPER_COMPLETE_FISH_ACTION", "get-args")
+    for line, expected in (("cuticle fi", {"fit", "fibres"}), ("cuticle fit --fo", {"--form"})):
+        monkeypatch.setenv("_TYPER_COMPLETE_ARGS", line)
+        monkeypatch.setenv("COMP_WORDS", line)
+        monkeypatch.setenv("COMP_CWORD", str(len(line.split()) - 1))
+        found = run().stdout
+        assert all(word in found for word in expected), found
+        assert "audit" not in found
+
+
+def test_a_quick_check_draws_fewer_samples(fitted: Path) -> None:
+    assert json.loads(run("check", str(fitted), "--quick", "--strands", "2", "--json").stdout)["samples"] == 100_000

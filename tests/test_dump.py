@@ -10,7 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from command import run
 from cuticle import Chiang, audit_dump
+from cuticle.checking.measurements import ViewerOfFile
+from cuticle.checking.tests import TESTS
+from cuticle.checking.verdicts import Judge, Thresholds
 from test_audit import BASE, Hemisphere, write
 
 
@@ -29,7 +33,9 @@ def test_a_right_dump_passes(count: int, tmp_path: Path) -> None:
     assert report.ess == pytest.approx(1)
 
 
-@pytest.mark.parametrize("broken", ["rougher pdf", "scaled pdf", "uniform pdf", "stuck", "nan", "negative weight"])
+@pytest.mark.parametrize(
+    "broken", ["rougher pdf", "scaled pdf", "uniform pdf", "stuck", "nan", "negative weight", "shuffled", "tiny"]
+)
 def test_a_broken_dump_fails(broken: str, tmp_path: Path) -> None:
     rng = np.random.default_rng(4)
     near = Chiang(beta_m=0.25, beta_n=0.3, eumelanin=0.3).near(0.3)
@@ -43,6 +49,10 @@ def test_a_broken_dump_fails(broken: str, tmp_path: Path) -> None:
         pdf = np.full_like(pdf, 1 / (4 * np.pi))
     if broken == "stuck":
         theta[:1000] = 0
+    if broken == "shuffled":
+        pdf = rng.permutation(pdf)
+    if broken == "tiny":
+        pdf[:] = 1e-310
     if broken == "nan":
         pdf[5] = np.nan
     if broken == "negative weight":
@@ -56,7 +66,7 @@ def test_a_dump_as_csv_with_viewers(tmp_path: Path) -> None:
     rng = np.random.default_rng(6)
     rows = ["x,y,z,pdf,weight,viewer"]
     for viewer in (0, 60):
-        s = BASE.near(0.1).sample(np.radians(viewer), rng.random((6000, 3)))
+        s = BASE.near(0.1).sample(np.radians(viewer), rng.random((20_000, 3)))
         x, y, z = np.cos(s.theta_i) * np.cos(s.phi), np.sin(s.theta_i), np.cos(s.theta_i) * np.sin(s.phi)
         rows += [f"{a:.9g},{b:.9g},{c:.9g},{p:.9g},1,{viewer}" for a, b, c, p in zip(x, y, z, s.pdf, strict=True)]
     (tmp_path / "d.csv").write_text("\n".join(rows))
@@ -110,3 +120,37 @@ int main() { dump(Uniform{}, "dump.csv", 6000); }
         report = audit_dump(tmp_path / "dump.csv")
         assert report.viewers == 7
         assert report.ok == right, report
+
+
+@pytest.mark.parametrize(("rows", "outcome", "code"), [(6_000, "inconclusive", 3), (20_000, "pass", 0)])
+def test_a_dump_of_which_next_to_nothing_could_be_tested_is_inconclusive(
+    rows: int, outcome: str, code: int, tmp_path: Path
+) -> None:
+    """A sharp sampler: of few rows, no patch is so small that its pdf hardly varies."""
+    near = Chiang(beta_m=0.1, beta_n=0.1, eumelanin=1.3).near(0.5)
+    s = near.sample(0.3, np.random.default_rng(5).random((rows, 3)))
+    path = write(tmp_path / "d.npz", s.theta_i, s.phi, s.pdf)
+    report = audit_dump(path)
+    assert report.outcome == outcome, report
+    assert [v.name for v in report.verdicts if "could be tested" in v.undecided] == ["samples follow the pdf"] * (code == 3)
+    done = run("audit", str(path), "--json")
+    assert (done.returncode, json.loads(done.stdout)["outcome"]) == (code, outcome)
+
+
+@pytest.mark.parametrize(("tested", "outcome"), [(0.0999, "inconclusive"), (0.1, "pass")])
+def test_the_boundary_of_what_is_enough(tested: float, outcome: str) -> None:
+    judge = Judge(TESTS, Thresholds(1e-4, 4.0))
+    judge.examine(ViewerOfFile("", 0.5, "", 3, 29, tested, ()))
+    assert {v.name: v.outcome for v in judge.verdicts()} == {"samples follow the pdf": outcome, "no atom": "pass"}
+    judge.examine(ViewerOfFile("", 1e-9, "", 3, 29, 0.0, ()))  # what speaks against it counts, however little was tested
+    assert judge.verdicts()[0].outcome == "fail"
+
+
+def test_a_dump_of_no_direction_is_inconclusive(tmp_path: Path) -> None:
+    path = write(tmp_path / "d.npz", np.zeros(6000), np.zeros(6000), np.zeros(6000))
+    done = run("audit", str(path))
+    assert done.returncode == 3
+    assert "is inconclusive" in done.stdout
+    np.savez(tmp_path / "n.npz", direction=np.tile([0.0, 1, 0], (6000, 1)), pdf=np.ones(6000), viewer=np.full(6000, np.nan))
+    with pytest.raises(ValueError, match="viewer must be a finite number in every row, got nan in row 1"):
+        audit_dump(tmp_path / "n.npz")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -237,3 +238,20 @@ def test_bad_input(call, words: str) -> None:
     with pytest.raises((TypeError, ValueError)) as error:
         call(table())
     assert words in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "value",
+    [np.array([0.1 + 0j]), np.array(["0.1"]), np.array([True]), np.array([0.1], object), np.ma.array([0.1], mask=[True]),
+     np.array(["2020-01-01"], "datetime64[D]"), "0.1", True, 0.1j],
+)  # fmt: skip
+def test_arrays_that_are_no_real_numbers_are_refused(value: Any, document_fit: cuticle.Fit, tmp_path: Path) -> None:
+    with pytest.raises(TypeError, match="theta_i must be an array of numbers, got .*") as caught:
+        document_fit.sampler.pdf(value, 0.0, 0.0, 0)
+    assert "\n" not in str(caught.value)
+    with pytest.raises(TypeError, match="values must be an array of numbers"):
+        cuticle.Tabulated([0.0], [-1.5, 0, 1.5], [0.0, 1, 2], np.ma.array(np.ones((1, 3, 3))) if value is True else value)
+    if isinstance(value, np.ndarray) and value.dtype.kind != "O" and not isinstance(value, np.ma.MaskedArray):
+        np.savez(tmp_path / "d.npz", direction=np.zeros((6000, 3)), pdf=np.repeat(value, 6000))
+        with pytest.raises(ValueError, match=r"cannot read samples .*d\.npz: pdf must be an array of numbers"):
+            cuticle.audit_dump(tmp_path / "d.npz")

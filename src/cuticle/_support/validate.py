@@ -84,14 +84,31 @@ def strand_counts(name: str, values: Any) -> tuple[float, ...]:
     return counts
 
 
+def real(name: str, value: Any) -> NDArray:
+    """Return an array of integers or floats; raise TypeError for what converts to numbers that were not meant.
+
+    Those are complex numbers, texts, booleans, dates, objects, and masked arrays, whose mask would be lost.
+    """
+    if isinstance(value, np.ma.MaskedArray):
+        raise TypeError(
+            f"{name} must be an array of numbers, got a masked array; .filled(np.nan) makes holes of what is masked"
+        )
+    try:
+        x = np.asarray(value)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} must be an array of numbers, got {type(value).__name__}") from None
+    if x.dtype.kind not in "iuf":
+        got = f"an array of {x.dtype}" if isinstance(value, np.ndarray) else type(value).__name__
+        raise TypeError(f"{name} must be an array of numbers, got {got}")
+    return x
+
+
 def array(
     name: str, value: ArrayLike, low: float, high: float, dtype: Any, *, remedy: str, open_end: bool = False
 ) -> NDArray:
     """Return `value` as a contiguous array of `dtype`, every element in [low, high] ([low, high) with `open_end`)."""
-    try:
-        x = np.ascontiguousarray(value, dtype=dtype).reshape(np.shape(value))
-    except (TypeError, ValueError) as error:
-        raise TypeError(f"{name} must be an array of numbers, got {type(value).__name__}") from error
+    given = real(name, value)
+    x = np.ascontiguousarray(given, dtype=dtype).reshape(given.shape)
     # A float can round past an end that a double respects: allow it its last digit.
     slack = 0.0 if open_end else 4 * float(np.finfo(x.dtype).eps) * max(abs(low), abs(high))
     at = _core.first_outside(x, float(low) - slack, float(high) + slack, open_end)

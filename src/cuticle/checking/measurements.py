@@ -155,6 +155,7 @@ class ViewerOfFile(NamedTuple):
     difference: str  # the patch that is least likely, in words
     patches: int
     left_out: int
+    tested: float  # share of the samples that lie in the patches tested
     repeated: tuple[RepeatedAngle, ...]  # angles that too many samples share, the most frequent first
 
     @property

@@ -9,11 +9,11 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc, ndtr
+from scipy.special import betainc, chdtrc, ndtr
 
 from cuticle._support import validate
 from cuticle._support.files import reading
@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 LEAST_ROWS = 5_000
 _LEAF = 300  # samples of the first half in a patch
 _SPREAD = 1.0  # standard deviation of 1/pdf over its mean, beyond which the mean over a patch is not normal
+_KEPT = 0.9  # share of a patch's samples, those of larger pdf, that are summed where 1/pdf varies too much
 _GROUPS = 12  # bands of patches
 _HELP = "it needs direction (n, 3) and pdf (n,), and may have weight (n,) or (n, channels), and viewer (n,)"
 
@@ -114,8 +115,6 @@ def audit_dump(path: str | os.PathLike[str], *, level: float = 1e-4, seed: int =
         largest = float(w.max() / max(mean, 1e-300))
     if none.mean() > 1e-3:
         notes.append(f"{100 * none.mean():.2g} % of rows give no direction")
-    if not patches:
-        notes.append("no patch could be tested: the pdf varies too much within each of them; more rows make smaller patches")
     return Dump(
         str(path), len(pdf), len(ids), patches, left_out, min(v.p_value for v in viewers), mean, error, ess, largest,
         judge.verdicts(), tuple(notes), level,
@@ -126,47 +125,113 @@ def _angles(direction: Array) -> tuple[Array, Array]:
     return np.arcsin(np.clip(direction[:, 1], -1, 1)), np.arctan2(direction[:, 2], direction[:, 0])
 
 
-def _test(theta: Array, phi: Array, pdf: Array, asked: int, rng: np.random.Generator) -> tuple[float, str, int, int]:
-    """Return p-value, worst patch, and numbers of patches tested and left out: solid angles against Σ 1/pdf over them.
+class _Fit(NamedTuple):
+    """The first fields of `ViewerOfFile` behind the name."""
 
-    One half of the samples places the patches, the other is summed.
+    p_value: float
+    difference: str
+    patches: int
+    left_out: int
+    tested: float
+
+
+def _test(theta: Array, phi: Array, pdf: Array, asked: int, rng: np.random.Generator) -> _Fit:
+    """Test the solid angles of patches against Σ 1/pdf over them, and that no pdf is smaller than what can be drawn.
+
+    One half of the samples places the patches, the other is summed. Where 1/pdf varies too much within a patch for a normal
+    mean, or the support may end within it, the sum over its larger pdfs is still no more than the solid angle on average.
     """
-    x, y, inverse = np.sin(theta), phi, 1 / pdf  # equal areas are equal solid angles
+    smallest = _smallest_pdf(pdf, asked)
+    x, y = np.sin(theta), phi  # equal areas are equal solid angles
+    inverse = 1 / np.maximum(pdf, 1e-150)  # its square is a number
     first = rng.random(len(x)) < 0.5
     boxes: list[tuple[Array, NDArray[np.intp]]] = []
     _split(np.array([-1.0, 1, -np.pi, np.pi]), np.flatnonzero(first), x, y, boxes)
     second = np.flatnonzero(~first)
     share = asked * len(second) / max(len(x), 1)  # of all samples, those without a direction included
-    z, left, found = [], 0, []
+    whole: list[_Patch] = []
+    bounded: list[_Patch] = []
     for box, members in boxes:
         here = second[(x[second] >= box[0]) & (x[second] < box[1]) & (y[second] >= box[2]) & (y[second] < box[3])]
-        solid = (box[1] - box[0]) * (box[3] - box[2])
-        both = np.concatenate([inverse[members], inverse[here]])
-        cv = float(both.std() / both.mean())
-        if cv > _SPREAD or _on_edge(box, x[members], y[members], inverse[members]):
-            left += 1
-            continue
-        variance = float((both**2).mean()) * len(both) / 2 / share**2 - (both.mean() * len(both) / 2 / share) ** 2 / share
-        z.append((float(inverse[here].sum()) / share - solid, np.sqrt(max(variance, 1e-300))))
-        found.append((box, solid))
-    if not z:
-        return 1.0, "nothing to test", 0, left
-    difference, deviation = np.array(z).T
+        both = inverse[np.concatenate([members, here])]
+        varies = not float(both.std()) <= _SPREAD * float(both.mean())
+        if varies or _on_edge(box, x[members], y[members], inverse[members]):
+            largest = np.quantile(inverse[members], _KEPT)
+            summed, both = (np.where(v > largest, 0, v) for v in (inverse[here], both))
+            bounded.append(_patch(box, summed, both, share))
+        else:
+            whole.append(_patch(box, inverse[here], both, share))
+    found = [smallest]
+    if whole:
+        found.append(_both_sides(whole))
+    if bounded:
+        found.append(_too_large(bounded))
+    p, where = min(found)
+    tested = sum(patch.summed for patch in whole) / max(len(second), 1)
+    return _Fit(min(1.0, len(found) * p), where, len(whole), len(bounded), tested)
+
+
+class _Patch(NamedTuple):
+    """A patch, Σ 1/pdf over the share of samples less its solid angle, the deviation of that, and how many were summed."""
+
+    box: Array
+    difference: float
+    deviation: float
+    summed: int
+
+    def text(self) -> str:
+        """Return in words where the patch is, and what is off."""
+        solid = (self.box[1] - self.box[0]) * (self.box[3] - self.box[2])
+        t, p = np.degrees(np.arcsin(self.box[:2])), np.degrees(self.box[2:])
+        many, off = "many" if self.difference > 0 else "few", 100 * abs(self.difference) / solid
+        return (
+            f"too {many} samples for their pdf, by {off:.2g} %, where asin(y) is {t[0]:.0f}° to"
+            f" {t[1]:.0f}° and atan2(z, x) {p[0]:.0f}° to {p[1]:.0f}°"
+        )
+
+
+def _patch(box: Array, here: Array, both: Array, share: float) -> _Patch:
+    solid = (box[1] - box[0]) * (box[3] - box[2])
+    mean = both.mean() * len(both) / 2 / share
+    variance = float((both**2).mean()) * len(both) / 2 / share**2 - mean**2 / share
+    return _Patch(box, float(here.sum()) / share - solid, float(np.sqrt(max(variance, 1e-300))), len(here))
+
+
+def _both_sides(patches: list[_Patch]) -> tuple[float, str]:
+    """Return the p-value of patches whose mean is known, alone and in bands, and the least likely in words."""
+    difference, deviation = (np.array(v) for v in list(zip(*patches, strict=True))[1:3])
     score = difference / deviation
     bands = []
     for axis in (0, 2):
-        order = np.argsort([f[0][axis] for f in found])
+        order = np.argsort([patch.box[axis] for patch in patches])
         for group in np.array_split(order, min(_GROUPS, len(order))):
             bands.append(difference[group].sum() / np.sqrt((deviation[group] ** 2).sum()))
-    k = int(np.argmax(np.abs(score)))
-    box = found[k][0]
-    t, p = np.degrees(np.arcsin(box[:2])), np.degrees(box[2:])
-    many, off = "many" if score[k] > 0 else "few", 100 * abs(difference[k]) / found[k][1]
-    where = (
-        f"too {many} samples for their pdf, by {off:.2g} %, where asin(y) is {t[0]:.0f}° to"
-        f" {t[1]:.0f}° and atan2(z, x) {p[0]:.0f}° to {p[1]:.0f}°"
-    )
-    return _p_value(score, np.array(bands)), where, len(z), left
+    return _p_value(score, np.array(bands)), patches[int(np.argmax(np.abs(score)))].text()
+
+
+def _too_large(patches: list[_Patch]) -> tuple[float, str]:
+    """Return the p-value of patches whose mean is at most 0, and the least likely in words."""
+    score = np.array([patch.difference / patch.deviation for patch in patches])
+    worst = int(np.argmax(score))
+    return min(1.0, len(patches) * float(ndtr(-score[worst]))), patches[worst].text()
+
+
+def _smallest_pdf(pdf: Array, asked: int) -> tuple[float, str]:
+    """Return the p-value of the smallest pdfs, and them in words.
+
+    A sample has a pdf of at most t with probability ∫ pdf over where it is, at most 4π t: the k-th smallest of n pdfs times
+    4π is, in distribution, no less than the k-th smallest of n uniform numbers.
+    """
+    ranks = 2 ** np.arange(int(np.log2(max(len(pdf), 1))) + 1)
+    ranks = ranks[ranks <= len(pdf)]
+    if not len(ranks):
+        return 1.0, "nothing to test"
+    smallest = np.sort(pdf)[ranks - 1]
+    p = len(ranks) * betainc(ranks, asked - ranks + 1, np.minimum(4 * np.pi * smallest, 1))
+    worst = int(np.argmin(p))
+    return min(
+        1.0, float(p[worst])
+    ), f"{ranks[worst]:,} of {asked:,} samples have a pdf of at most {smallest[worst]:.2g} 1/sr"
 
 
 def _split(box: Array, members: NDArray[np.intp], x: Array, y: Array, out: list[Any]) -> None:
@@ -222,10 +287,8 @@ def _read(path: str | os.PathLike[str]) -> tuple[Array, Array, Array | None, Arr
     for needed in ("direction", "pdf"):
         if needed not in columns:
             raise ValueError(f"{path} has no {needed}: {_HELP}; it has {', '.join(columns) or 'nothing'}")
-    try:
-        arrays = {k: np.asarray(v, np.float64) for k, v in columns.items() if k in ("direction", "pdf", "weight", "viewer")}
-    except (TypeError, ValueError):
-        raise ValueError(f"{path} holds values that are not numbers; {_HELP}") from None
+    known = ("direction", "pdf", "weight", "viewer")
+    arrays = {k: validate.real(k, v).astype(np.float64) for k, v in columns.items() if k in known}
     pdf, direction = arrays["pdf"], arrays["direction"]
     n = len(pdf) if pdf.ndim == 1 else -1
     if n < 1 or direction.shape != (n, 3):
@@ -238,4 +301,7 @@ def _read(path: str | os.PathLike[str]) -> tuple[Array, Array, Array | None, Arr
     viewer = arrays.get("viewer", np.zeros(n))
     if viewer.shape != (n,):
         raise ValueError(f"{path}: viewer has shape {viewer.shape} for {n:,} rows; {_HELP}")
+    if not np.isfinite(viewer).all():
+        row = int(np.argmin(np.isfinite(viewer)))
+        raise ValueError(f"{path}: viewer must be a finite number in every row, got {viewer[row]} in row {row + 1:,}")
     return direction, pdf, weight, viewer

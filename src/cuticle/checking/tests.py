@@ -16,6 +16,8 @@ from cuticle.checking.verdicts import Test
 
 INTEGRAL_DOUBLE = 1e-5  # |∫ pdf - 1|
 ATOM = 1e-3  # share of samples at exactly one angle
+LEAST_DIRECTIONS = 1_000  # of the samples of a viewer: about what a chi-square test over a hundred cells needs
+LEAST_TESTED = 0.1  # of a viewer's samples in a file, in patches whose Σ 1/pdf is tested
 MISMATCH = 1e-3  # share of samples whose pdf or weight is off by over 2 %
 
 
@@ -44,10 +46,29 @@ def _first(wrong: NDArray[np.bool_]) -> str:
     return f"first at row {int(np.argmax(wrong)) + 1:,}" if wrong.any() else ""
 
 
+def _few_directions(m: AuditMeasurement) -> str:
+    """Why samples cannot show that they do not follow the pdf: there are next to none."""
+    assert m.drawn is not None
+    directions = len(m.drawn.theta)
+    if directions >= LEAST_DIRECTIONS:
+        return ""
+    return f"{directions:,} of {m.drawn.asked:,} samples gave a direction, a test needs {LEAST_DIRECTIONS:,}"
+
+
+def _few_patches(m: ViewerOfFile) -> str:
+    """Why a file's samples cannot show that they do not follow the pdf: too few of them lie in patches that are tested."""
+    if m.tested >= LEAST_TESTED:
+        return ""
+    return (
+        f"{m.patches} patches with {100 * m.tested:.2g} % of the samples could be tested, a test needs"
+        f" {100 * LEAST_TESTED:g} %: the pdf varies too much within the others; more rows make smaller patches"
+    )
+
+
 FOLLOWS_PDF = Test(
     "samples follow the pdf", "smallest p-value of the samples' counts against the pdf (limit: Šidák)",
     lambda t: t.p_value, lambda m: m.p_value,
-    of=AuditMeasurement, at_least=True, place=_difference, tie=lambda m: m.excess_variation,
+    of=AuditMeasurement, at_least=True, place=_difference, tie=lambda m: m.excess_variation, too_little=_few_directions,
 )  # fmt: skip
 NO_ATOM = Test(
     "no atom", "largest share of samples at exactly one angle", ATOM,
@@ -71,10 +92,11 @@ TESTS: tuple[Test, ...] = (
     Test("∫ pdf", "|∫ pdf + share of dropped samples - 1| beyond the quadrature's error", 2e-3,
          _integral, of=AuditMeasurement, place=lambda m: f"{m.place}: ∫ pdf {m.integral:.5g}, dropped {m.dropped:.3g}"),
     # Samples follow the pdf.
-    replace(FOLLOWS_PDF, name="chi-square", of=CheckMeasurement, place=Test.place, tie=Test.tie),
+    replace(FOLLOWS_PDF, name="chi-square", of=CheckMeasurement, place=Test.place, tie=Test.tie,
+            too_little=Test.too_little),
     FOLLOWS_PDF,
     replace(FOLLOWS_PDF, meaning="smallest p-value of Σ 1/pdf over patches against their solid angles (limit: Šidák)",
-            of=ViewerOfFile, place=Test.place, tie=Test.tie),
+            of=ViewerOfFile, place=Test.place, tie=Test.tie, too_little=_few_patches),
     NO_ATOM,
     replace(NO_ATOM, of=ViewerOfFile, place=lambda m: next((m.name + r.text() for r in m.repeated), "")),
     # What `sample` returns agrees with pdf and eval at that direction.
@@ -92,7 +114,8 @@ TESTS: tuple[Test, ...] = (
          place=lambda rows: _first(rows.biased)),
     # The estimate has no bias.
     Test("reach", "share of ∫ f cos that is never drawn: pdf 0 where f is not", 1e-4,
-         lambda m: m.lost + m.biased, of=AuditMeasurement, option="eval"),
+         lambda m: m.lost + m.biased, of=AuditMeasurement, option="eval",
+         too_little=lambda m: "" if max(m.energy, default=0.0) > 0 else "f is 0 in all directions"),
     Test("mean of f cos/p", lambda cases: _left_out("largest deviation of the mean from ∫ f cos, standard errors",
                                                     sum(np.isnan(m.z) for m in cases), "cases"),
          lambda t: t.deviations, lambda m: abs(m.z),

@@ -16,11 +16,17 @@ from cuticle.checking.measurements import Measurement
 LIMITS: Any = {"samples": (10_000, 100_000_000), "level": (1e-9, 0.5), "seed": (0, 2**63 - 1)}
 _NOT_WRITTEN = ("maps", "drawn")
 M = TypeVar("M")
+Outcome = Literal["pass", "fail", "inconclusive"]
+EXIT_CODES: dict[Outcome, int] = {"pass": 0, "fail": 1, "inconclusive": 3}
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """One claim: whether it holds, the worst value found, its limit, and where that value was found."""
+    """One claim: whether it holds, the worst value found, its limit, and where that value was found.
+
+    `undecided` is the reason why nothing was found to speak against the claim: too little was tested. It is "" for a claim
+    that was tested.
+    """
 
     name: str
     passed: bool
@@ -28,6 +34,12 @@ class Verdict:
     limit: float
     where: str
     meaning: str
+    undecided: str = ""
+
+    @property
+    def outcome(self) -> Outcome:
+        """In one word."""
+        return "pass" if self.passed else "inconclusive" if self.undecided else "fail"
 
 
 class Judged:
@@ -38,7 +50,13 @@ class Judged:
     @property
     def ok(self) -> bool:
         """Whether every verdict holds."""
-        return all(v.passed for v in self.verdicts)
+        return self.outcome == "pass"
+
+    @property
+    def outcome(self) -> Outcome:
+        """In one word: "fail" where a verdict fails, else "inconclusive" where one could not be tested, else "pass"."""
+        found = {v.outcome for v in self.verdicts}
+        return "fail" if "fail" in found else "inconclusive" if "inconclusive" in found or not found else "pass"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as plain values that JSON can hold (NaN as None), without samples and pictures."""
@@ -46,16 +64,18 @@ class Judged:
         def written(items: list[tuple[str, Any]]) -> dict[str, Any]:
             return {k: v for k, v in items if k not in _NOT_WRITTEN}
 
-        return plain({"ok": self.ok, **asdict(self, dict_factory=written)})  # type: ignore[call-overload]
+        return plain({"ok": self.ok, "outcome": self.outcome, **asdict(self, dict_factory=written)})  # type: ignore[call-overload]
 
     def to_json(self) -> str:
         """Return `to_dict()` as JSON text."""
         return json.dumps(self.to_dict(), indent=2, allow_nan=False) + "\n"
 
     def _summary(self, about: str) -> str:
-        lines = [f"{type(self).__name__}({'ok' if self.ok else 'FAILED'}: {about})"]
+        words = {"pass": "ok", "fail": "FAILED", "inconclusive": "inconclusive"}
+        lines = [f"{type(self).__name__}({words[self.outcome]}: {about})"]
         lines += [
-            f"  {'pass' if v.passed else 'FAIL'}  {v.name}: {v.value:.4g} (limit {v.limit:.4g}) {v.where}"
+            f"  {'FAIL' if v.outcome == 'fail' else v.outcome}  {v.name}: {v.value:.4g} (limit {v.limit:.4g})"
+            f" {v.undecided or v.where}"
             for v in self.verdicts
         ]
         return "\n".join([*lines, *(f"  note  {n}" for n in getattr(self, "notes", ()))])
@@ -96,9 +116,11 @@ class Test:
     # What NaN means. "fails": the test fails. "left out": the measurement does not count; the test fails where none is left.
     # "no verdict": the measurement does not count; there is no verdict where none is left.
     unknown: Literal["fails", "left out", "no verdict"] = "fails"
+    too_little: Callable[[Any], str] = lambda m: ""  # why a measurement could not have shown a fault, if that is so
 
-    def verdict(self, measured: Sequence[tuple[float, Any]], thresholds: Thresholds) -> Verdict | None:
-        """Return the verdict on values and the measurements that they belong to."""
+    def verdict(self, found: Sequence[tuple[float, Any, str]], thresholds: Thresholds) -> Verdict | None:
+        """Return the verdict on values, the measurements that they belong to, and why those could show no fault."""
+        measured = [(value, m) for value, m, _ in found]
         limit = self.limit(thresholds) if callable(self.limit) else self.limit
         meaning = self.meaning([m for _, m in measured]) if callable(self.meaning) else self.meaning
         known = [x for x in measured if self.unknown == "fails" or not math.isnan(x[0])]
@@ -110,8 +132,11 @@ class Test:
             return (math.inf if math.isnan(value) else -value if self.at_least else value), self.tie(m)
 
         value, m = max(known, key=badness)
-        passed = value >= limit if self.at_least else value <= limit  # false for NaN
-        return Verdict(self.name, bool(passed), value, limit, self.place(m), meaning)
+        passed = bool(value >= limit if self.at_least else value <= limit)  # false for NaN
+        reasons = [f"{reason}, {self.place(m)}".rstrip(", ") for _, m, reason in found if reason]
+        if passed and reasons:
+            return Verdict(self.name, False, value, limit, self.place(m), meaning, reasons[0])
+        return Verdict(self.name, passed, value, limit, self.place(m), meaning)
 
 
 class Judge:
@@ -122,7 +147,7 @@ class Judge:
             if not isinstance(test, Test):
                 raise TypeError(f"extra must hold cuticle.checking.verdicts.Test, got {type(test).__name__}")
         chosen = (t for t in tests if t.option is None or t.option in options)
-        self._measured: list[tuple[Test, list[tuple[float, Any]]]] = [(t, []) for t in chosen]
+        self._measured: list[tuple[Test, list[tuple[float, Any, str]]]] = [(t, []) for t in chosen]
         self._thresholds = thresholds
 
     def examine(self, measurement: M) -> M:
@@ -130,7 +155,7 @@ class Judge:
         kept: Any = replace(measurement, drawn=None) if isinstance(measurement, Measurement) else measurement
         for test, measured in self._measured:
             if isinstance(measurement, test.of):
-                measured.append((test.measure(measurement), kept))
+                measured.append((test.measure(measurement), kept, test.too_little(measurement)))
         return kept
 
     def verdicts(self) -> tuple[Verdict, ...]:

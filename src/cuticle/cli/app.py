@@ -27,7 +27,7 @@ COMMANDS = {
     "report": "Write one self-contained HTML page from the results of fit, check and document in a folder.",
     "render": "Render a groom with Mitsuba: `cuticle render GROOM -o picture.png`, with the options of `picture`.",
     "export": "Write a sampler as one file for C++, CUDA, GLSL or HLSL, as JSON, or as an interactive web page.",
-    "audit": "Audit any sampler: do its samples follow its pdf? Exit code 1 if a verdict fails.",
+    "audit": "Audit any sampler: do its samples follow its pdf? Exit code 1 if a verdict fails, 3 if one is inconclusive.",
 }
 HIDDEN = ("demo",)
 _LOOK: dict[str, Any] = {"add_completion": False, "pretty_exceptions_enable": False}
@@ -95,7 +95,7 @@ app = typer.Typer(
     help="Importance samplers for hair fibres: fitted to a scattering function, and proven correct.",
     cls=_OnDemand,
     no_args_is_help=True,
-    **_LOOK,
+    **_LOOK | {"add_completion": True},
 )
 
 
@@ -173,7 +173,7 @@ def _run(stopped: Callable[[], bool]) -> int:
         for argument in sys.argv[1:]:
             if not argument or re.fullmatch(r"--[\w-]+=", argument):  # a path of no letters would be the current folder
                 raise ValueError(f"an argument is empty: {argument or repr('')}; leave it out, or give it a value")
-        code = app(args=sys.argv[1:] or ["--help"], standalone_mode=False)
+        code = app(args=sys.argv[1:] or ["--help"], prog_name="cuticle", standalone_mode=False)
         sys.stdout.flush()  # a pipe that is closed says so now
         return code or 0
     except (KeyboardInterrupt, typer.Abort):

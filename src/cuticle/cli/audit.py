@@ -14,8 +14,8 @@ from cuticle._support.backends import check_backend
 from cuticle._support.files import check_directory, filling, read_text, write_text
 from cuticle.checking.audit import LEVEL, SAMPLES, Audit, audit
 from cuticle.checking.sample_file import Dump, audit_dump
-from cuticle.checking.verdicts import LIMITS
-from cuticle.cli.tables import ess_text, table, verdict_table
+from cuticle.checking.verdicts import EXIT_CODES, LIMITS
+from cuticle.cli.tables import RESULTS, ess_text, table, verdict_table
 from cuticle.cli.terminal import JsonOption, ParametersArgument, out, progress_bar, refuse_idle
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.bcsdf import with_strands
@@ -65,7 +65,7 @@ def command(
     energy: Annotated[bool, typer.Option("--energy", help="Also test that ∫ f cos is at most 1.")] = False,
     json_output: JsonOption = False,
 ) -> None:
-    """Audit any sampler: do its samples follow its pdf? Exit code 1 if a verdict fails."""
+    """Audit any sampler: do its samples follow its pdf? Exit code 1 if a verdict fails, 3 if one is inconclusive."""
     if parameters and not source.startswith(MITSUBA):
         raise ValueError(f"key=value parameters go with {MITSUBA}PLUGIN, got {parameters[0]!r} with {source!r}")
     refuse_idle(ctx, f"for {_kind(source)}", *_IDLE[_kind(source)])
@@ -101,8 +101,7 @@ def command(
         _print(made)
         if written:
             out.print(f"wrote {', '.join(map(str, written))}", soft_wrap=True)
-    if not made.ok:
-        raise typer.Exit(1)
+    raise typer.Exit(EXIT_CODES[made.outcome])
 
 
 def _load(source: str, parameters: list[str], h: float, strands: float | None, variant: str) -> tuple[Any, dict[str, Any]]:
@@ -164,8 +163,7 @@ def _print(made: Audit | Dump) -> None:
     out.print(verdict_table(title, made.verdicts))
     for note in made.notes:
         out.print(f"note: {note}", soft_wrap=True, highlight=False)
-    result = "[green]passes[/]" if made.ok else "[red]FAILED[/]"
-    out.print(f"{result} (false-positive rate: one audit in {1 / made.level:,.0f})")
+    out.print(f"{RESULTS[made.outcome]} (false-positive rate: one audit in {1 / made.level:,.0f})")
 
 
 def _viewers(made: Audit) -> Table:

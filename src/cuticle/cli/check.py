@@ -10,14 +10,26 @@ import typer
 from cuticle._support import validate
 from cuticle._support.files import read_text
 from cuticle.checking.check import check
-from cuticle.checking.verdicts import LIMITS
+from cuticle.checking.verdicts import EXIT_CODES, LIMITS
 from cuticle.cli.tables import check_tables
-from cuticle.cli.terminal import STANDARD_OUTPUT, JsonOption, check_output, out, progress_bar, read_strands, write_output
+from cuticle.cli.terminal import (
+    STANDARD_OUTPUT,
+    JsonOption,
+    check_output,
+    out,
+    progress_bar,
+    read_strands,
+    refuse_idle,
+    write_output,
+)
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.by_name import model_of
 
+QUICK = 100_000
+
 
 def command(
+    ctx: typer.Context,
     sampler: Annotated[Path, typer.Argument(metavar="SAMPLER.json", help="A sampler's file, or its folder.")],
     model: Annotated[
         str | None,
@@ -25,6 +37,7 @@ def command(
     ] = None,
     strands: Annotated[str | None, typer.Option(metavar="N,N,…", help="Strand counts; default: the sampler's own.")] = None,
     samples: Annotated[int, typer.Option(help="Samples per viewer and strand count.")] = 1_000_000,
+    quick: Annotated[bool, typer.Option("--quick", help=f"Draw {QUICK:,} samples: finds errors of some per cent.")] = False,
     seed: Annotated[int, typer.Option(help="Seed of the random numbers.")] = 1,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="FILE", help="Also write the report there, as JSON.")
@@ -32,6 +45,9 @@ def command(
     json_output: JsonOption = False,
 ) -> None:
     """Check a sampler against its scattering function. Exit code 1 if a verdict fails."""
+    if quick:
+        refuse_idle(ctx, "with --quick", "samples")
+        samples = QUICK
     validate.integer("--samples", samples, *LIMITS["samples"])
     validate.integer("--seed", seed, *LIMITS["seed"])
     path = sampler / "sampler.json" if sampler.is_dir() else sampler
@@ -51,5 +67,4 @@ def command(
     else:
         for listing in check_tables(report):
             out.print(listing)
-    if not report.ok:
-        raise typer.Exit(1)
+    raise typer.Exit(EXIT_CODES[report.outcome])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -45,6 +46,7 @@ def command(
     json_output: JsonOption = False,
 ) -> None:
     """Fit a sampler to a fibre, a table of values or a Mitsuba material."""
+    start = time.perf_counter()
     number = _lobes(lobes)
     counts = None if strands is None else read_strands(strands)
     validate.choice("--form", form, FORMS)
@@ -67,7 +69,8 @@ def command(
             parsed, number, strands=counts, form=form, objective=objective, family=family, defensive=defensive,
             progress=progress,
         )  # fmt: skip
-    summary = fit_summary(result)
+    whole = time.perf_counter() - start
+    summary = fit_summary(result) | {"seconds_in_all": round(whole, 3)}
     with filling(output) as folder:
         result.sampler.save(folder / "sampler.json")
         beside = _save_model(parsed, folder)
@@ -75,7 +78,7 @@ def command(
     if json_output:
         print(json.dumps(summary, indent=2))
         return
-    out.print(fit_table(result))
+    out.print(fit_table(result, whole))
     if result.ess_channels.shape[2] > 1:
         _tell_bounds(result, parsed, counts)
     out.print(f"wrote {', '.join(str(output / name) for name in ('sampler.json', 'fit.json', *beside))}", soft_wrap=True)

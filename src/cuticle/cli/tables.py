@@ -15,6 +15,9 @@ from cuticle.checking.verdicts import Verdict
 from cuticle.draft.layout import shown_tables
 from cuticle.fitting.result import Fit
 
+MARKS = {"pass": "[green]pass[/]", "fail": "[red]FAIL[/]", "inconclusive": "[yellow]inconclusive[/]"}
+RESULTS = {"pass": "[green]passes[/]", "fail": "[red]FAILED[/]", "inconclusive": "[yellow]is inconclusive[/]"}
+
 
 def table(title: str, caption: str | None = None) -> Table:
     """Return an empty table in our style."""
@@ -31,9 +34,9 @@ def channels_text(channels: NDArray[np.float64]) -> str:
     return " ".join(ess_text(x) for x in np.atleast_2d(channels).min(axis=0))
 
 
-def fit_table(result: Fit) -> Table:
-    """Return the table of ESS by strand count and viewer."""
-    caption = f"fitted in {result.seconds:.2f} s"
+def fit_table(result: Fit, whole: float | None = None) -> Table:
+    """Return the table of ESS by strand count and viewer; `whole` is the time of all the work in seconds."""
+    caption = f"fitted in {result.seconds:.2f} s" + ("" if whole is None else f", {whole:.1f} s in all")
     if result.candidates:
         caption += f"; {result.sampler.lobes} lobes: the fewest past which ESS per cost of a traced sample stops growing"
     grid = table(f"ESS: {result.form}, {result.sampler.lobes} lobes, objective {result.objective}", caption=caption)
@@ -55,8 +58,7 @@ def verdict_table(title: str, verdicts: Iterable[Verdict]) -> Table:
     for column in ("", "test", "worst", "limit", "where", "what is measured"):
         listing.add_column(column)
     for v in verdicts:
-        mark = "[green]pass[/]" if v.passed else "[red]FAIL[/]"
-        listing.add_row(mark, v.name, f"{v.value:.2g}", f"{v.limit:.2g}", v.where, v.meaning)
+        listing.add_row(MARKS[v.outcome], v.name, f"{v.value:.2g}", f"{v.limit:.2g}", v.undecided or v.where, v.meaning)
     return listing
 
 

@@ -126,6 +126,7 @@ def _check_view(data: dict[str, Any], _: Path) -> dict[str, Any]:
         "verdicts": [
             {
                 "passed": v["passed"],
+                "undecided": v.get("undecided", ""),
                 "name": v["name"],
                 "value": "–" if v["value"] is None else f"{v['value']:.2g}",
                 "limit": f"{v['limit']:.2g}",

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cuticle._support import validate
 from cuticle._support.files import check_size, opened, read_text, reading, write_bytes
 
 AXES = ("theta_r", "theta_i", "phi")
@@ -92,9 +93,9 @@ def read_rows(path: str | os.PathLike[str], what: str) -> tuple[list[str], NDArr
 
 def _angle(columns: dict[str, Any], name: str, path: Any) -> NDArray[np.float64]:
     if name in columns:
-        return np.asarray(columns[name], np.float64)
+        return validate.real(name, columns[name]).astype(np.float64)
     if f"{name}_deg" in columns:
-        return np.radians(np.asarray(columns[f"{name}_deg"], np.float64))
+        return np.radians(validate.real(f"{name}_deg", columns[f"{name}_deg"]).astype(np.float64))
     raise ValueError(f"{path} has no {name}: {_HELP}; it has {', '.join(columns) or 'nothing'}")
 
 

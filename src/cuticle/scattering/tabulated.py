@@ -279,7 +279,7 @@ def _warn(message: str) -> None:
 
 
 def _axis(name: str, x: NDArray, least: int) -> NDArray[np.float64]:
-    x = np.asarray(x, np.float64)
+    x = validate.real(name, x).astype(np.float64)
     if x.ndim != 1 or len(x) < least:
         raise ValueError(f"{name} must be a list of at least {least} angles, got shape {x.shape}")
     limit = 4 * np.pi if name == "phi" else np.pi / 2
@@ -292,11 +292,8 @@ def _axis(name: str, x: NDArray, least: int) -> NDArray[np.float64]:
 
 
 def _values(values: ArrayLike, r: int, a: int, b: int) -> NDArray:
-    try:
-        f = np.asarray(values)
-        f = f if f.dtype == np.float32 else f.astype(np.float64, copy=False)
-    except (TypeError, ValueError):
-        raise TypeError(f"values must be an array of numbers, got {type(values).__name__}") from None
+    f = validate.real("values", values)
+    f = f if f.dtype == np.float32 else f.astype(np.float64, copy=False)
     if f.shape[:2] == (a, b) and f.ndim in (2, 3) and r == 1:
         f = f[None]
     if f.ndim == 3:
