@@ -191,13 +191,9 @@ def test_another_family_of_lobes(to: str, x: Any, document_fit: Any, browser: An
 
 # ---- What has to be caught. ----
 
-_CONTROLS = [
-    pytest.param(to, name, marks=() if name == "erf" else pytest.mark.slow)
-    for to in HOSTS if to != "json" for name in BROKEN
-]  # fmt: skip
 
-
-@pytest.mark.parametrize(("to", "name"), _CONTROLS)
+@pytest.mark.slow
+@pytest.mark.parametrize(("to", "name"), [(to, name) for to in HOSTS if to != "json" for name in BROKEN])
 def test_a_wrong_constant_is_caught(to: str, name: str, x: Any, document_fit: Any, browser: Any, tmp_path: Path) -> None:
     """In what is exported."""
     right, wrong = NODE_OF_SHADERS if name == "node" and to in ("glsl", "hlsl") else BROKEN[name]
