@@ -328,7 +328,7 @@ def test_bad_input_is_told(call: Callable[[Path], object], words: str, tmp_path:
     [
         ("a,b\n1,2\n", "must have the columns"),
         ("phi_r_deg,theta_r_deg,peak_theta_i_deg,peak_phi_i_deg\n1,2,3\n", "must have the columns"),
-        ("phi_r_deg,theta_r_deg,peak_theta_i_deg,peak_phi_i_deg\n1,2,3,x\n", "cannot be read"),
+        ("phi_r_deg,theta_r_deg,peak_theta_i_deg,peak_phi_i_deg\n1,2,3,x\n", "cannot read printed table .*'x'"),
         ("phi_r_deg,theta_r_deg,peak_theta_i_deg,peak_phi_i_deg\n1,2,3,nan\n", "all numbers"),
     ],
 )

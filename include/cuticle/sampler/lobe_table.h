@@ -64,7 +64,7 @@ CUTICLE_INLINE RowPosition<Count> locate_row(const LobeTable<Scalar, K, Memory, 
     const auto blend = strands < (from_none ? Count(table.strands[1]) : Count(0));
     // A branch, not a division on the way to every load: counts are whole more often than not.
     Count s = Count(0);
-    if (several && any_outside(strands, Count(0), count.low)) s = count_fraction(blend, count.low, count.high, strands);
+    if (several && any_above(strands, count.low)) s = count_fraction(blend, count.low, count.high, strands);
     return {count.row, s, blend};
 }
 
@@ -158,7 +158,7 @@ CUTICLE_INLINE LobeValues<Float, K> values_at(const LobeTable<Scalar, K, Memory,
     using Traits = ArrayTraits<Count>;
     using Index = typename ArrayTraits<Float>::Index;
     using Row = typename Traits::Index;
-    const bool on_lower = !any_outside(rows.s, Count(0), Count(0)), on_upper = !any_outside(rows.s, Count(1), Count(1));
+    const bool on_lower = !any_above(rows.s, Count(0)), on_upper = !any_below(rows.s, Count(1));
     const Row next = rows.row + Row(1);
     LobeValues<Float, K> values = interpolate_theta(table, Index(on_upper ? next : rows.row), at);
     if (!(table.rows == 1 || on_lower || on_upper))
