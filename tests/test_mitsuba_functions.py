@@ -92,6 +92,40 @@ def test_in_place_of_hair_as_the_docs_say(use_variant: UseVariant) -> None:
         np.testing.assert_allclose(f, theirs, rtol=0.03, atol=1e-6)  # Mitsuba's Bessel function, see tests/test_chiang.py
 
 
+SPECTRUM = {"type": "irregular", "wavelengths": "400, 500, 600, 700", "values": "0.8, 0.5, 0.2, 0.1"}
+
+
+@pytest.mark.parametrize(
+    ("variant", "sigma_a", "expected"),
+    [
+        ("scalar_rgb", {"type": "bitmap", "raw": True}, (0.2, 0.4, 0.8)),
+        ("scalar_rgb", {"type": "rgb", "value": [0.2, 0.4, 0.8]}, (0.2, 0.4, 0.8)),
+        ("scalar_spectral", SPECTRUM, (0.68, 0.35, 0.29, 0.18)),  # at the wavelengths of ask(): 440, 550, 570 and 620 nm
+        (
+            "scalar_spectral",
+            {"type": "spectrum", "value": [(400, 0.8), (500, 0.5), (600, 0.2), (700, 0.1)]},
+            (0.68, 0.35, 0.29, 0.18),
+        ),
+    ],
+    ids=str,
+)
+def test_absorption_is_a_texture_or_a_spectrum(
+    variant: str, sigma_a: dict[str, Any], expected: tuple[float, ...], use_variant: UseVariant
+) -> None:
+    """Each wavelength has a value of its own, and `scale` multiplies it."""
+    mi = use_variant(variant)
+    if sigma_a["type"] == "bitmap":
+        sigma_a = {**sigma_a, "bitmap": mi.Bitmap(np.broadcast_to(np.float32(expected), (2, 2, 3)).copy())}
+    given = cuticle.conventions.from_host("mitsuba", sigma_a=sigma_a, scale=1.5)
+    rng = np.random.default_rng(9)
+    r, i, u = random_directions(rng, 60), random_directions(rng, 60), rng.random((60, 3), np.float32)
+    bsdf = mi.load_dict({"type": "cuticle", "near": True} | given)
+    model = cuticle.Chiang(**cuticle.conventions.from_host("mitsuba", sigma_a=tuple(1.5 * np.array(expected))))
+    f = model.near(-np.cos(r.phi)).eval(i.theta, r.theta, i.phi - r.phi) * np.cos(i.theta)[:, None]
+    inner = np.abs(np.cos(r.phi)) < 0.999
+    assert relative(ask(mi, bsdf, r, i, u).f[inner], f[inner]) <= 2e-3
+
+
 @pytest.mark.slow
 def test_the_near_field_is_mitsubas_hair_with_a_right_pdf(use_variant: UseVariant, tmp_path: Path) -> None:
     """The same picture as `hair`, and an audit that `hair` fails at this roughness."""
