@@ -20,12 +20,11 @@ from cuticle.scattering.bcsdf import luminance
 from cuticle.scattering.holes import farthest, fill_holes
 from cuticle.scattering.noise import LEAST_SHARE, settle_noise
 from cuticle.scattering.registry import first_class, restores
+from cuticle.scattering.table_axes import azimuth, check_theta, increasing, shaped
 from cuticle.scattering.table_files import read_table, write_table
 
-LARGEST_GAP = np.radians(30)  # between neighbours of one axis
 FAR = np.radians(15)  # between any viewer and the nearest that is known, without a warning
 FAR_HOLE = np.radians(5)  # between a hole and the nearest value, without a warning
-LARGEST_MARGIN = np.radians(10)  # between the last theta_i and the pole
 MOST_HOLES = 0.2  # of one viewer's values
 MOST_NEGATIVE = 0.01  # of the energy, once noise is averaged out
 MOST_NOISE = 0.25  # of a viewer's largest f cos theta_i, its deviation
@@ -36,7 +35,6 @@ _CORRELATED = 0.2
 _FINE = 720  # cells of theta_i in which energies are compared
 _STEP = np.radians(2)  # between viewers at which they are, at most
 _POLE = 1e-9  # least cosine; what is given for the pole itself, where f has no say, is not looked at
-_DEGREES = "angles are in radians: give degrees=True, or name the columns theta_r_deg, theta_i_deg, phi_deg"
 
 
 @first_class
@@ -101,12 +99,12 @@ class Tabulated:
     ) -> None:
         self.source: dict[str, Any] | None = None
         turn = np.radians if degrees else np.asarray
-        self.theta_r = _axis("theta_r", turn(np.atleast_1d(np.asarray(theta_r, np.float64))), 1)
-        self.theta_i = _axis("theta_i", turn(np.asarray(theta_i, np.float64)), 3)
+        self.theta_r = increasing("theta_r", turn(np.atleast_1d(np.asarray(theta_r, np.float64))), 1)
+        self.theta_i = increasing("theta_i", turn(np.asarray(theta_i, np.float64)), 3)
         phi = np.asarray(turn(np.asarray(phi, np.float64)))
-        f = _values(values, len(self.theta_r), len(self.theta_i), np.size(phi))
-        _check_theta(self.theta_i)
-        self.phi, order, self.even = _azimuth(phi)
+        f = shaped(values, len(self.theta_r), len(self.theta_i), np.size(phi))
+        check_theta(self.theta_i)
+        self.phi, order, self.even = azimuth(phi)
         f = f[:, :, order] * np.maximum(np.cos(self.theta_i), _POLE)[:, None, None]  # a copy, which is ours to change
         for pole, inner in ((0, 1), (-1, -2)):
             if np.cos(self.theta_i[pole]) <= _POLE:
@@ -354,70 +352,6 @@ class Tabulated:
 
 def _warn(message: str) -> None:
     warnings.warn(message, stacklevel=4)
-
-
-def _axis(name: str, x: NDArray, least: int) -> NDArray[np.float64]:
-    x = validate.real(name, x).astype(np.float64)
-    if x.ndim != 1 or len(x) < least:
-        raise ValueError(f"{name} must be a list of at least {least} angles, got shape {x.shape}")
-    limit = 4 * np.pi if name == "phi" else np.pi / 2
-    if not np.isfinite(x).all() or np.abs(x).max() > limit * (1 + 1e-6):
-        raise ValueError(f"{name} must lie in ±{limit:.5g} rad, got up to {np.abs(x).max():.5g}; {_DEGREES}")
-    if (np.diff(x) <= 0).any():
-        at = int(np.argmax(np.diff(x) <= 0))
-        raise ValueError(f"{name} must be increasing, got {x[at]:.5g} and then {x[at + 1]:.5g} (item {at + 1})")
-    return x.clip(-limit, limit)
-
-
-def _values(values: ArrayLike, r: int, a: int, b: int) -> NDArray:
-    f = validate.real("values", values)
-    f = f if f.dtype == np.float32 else f.astype(np.float64, copy=False)
-    if f.shape[:2] == (a, b) and f.ndim in (2, 3) and r == 1:
-        f = f[None]
-    if f.ndim == 3:
-        f = f[..., None]
-    if f.ndim != 4 or f.shape[:3] != (r, a, b) or not 1 <= f.shape[3] <= 32:
-        raise ValueError(
-            f"values must have shape (theta_r, theta_i, phi, channels) = ({r}, {a}, {b}, 1 to 32), got {np.shape(values)}"
-        )
-    return f
-
-
-def _check_theta(theta: NDArray) -> None:
-    margin = max(theta[0] + np.pi / 2, np.pi / 2 - theta[-1])
-    if margin > LARGEST_MARGIN + 1e-9:
-        raise ValueError(
-            f"theta_i must reach within {np.degrees(LARGEST_MARGIN):g}° of both poles, got"
-            f" {np.degrees(theta[0]):.4g}° to {np.degrees(theta[-1]):.4g}°; the grid does not cover the sphere. {_DEGREES}"
-        )
-    _check_gap("theta_i", float(np.diff(theta).max()))
-
-
-def _check_gap(name: str, gap: float) -> None:
-    if gap > LARGEST_GAP + 1e-9:
-        raise ValueError(
-            f"neighbours in {name} may be {np.degrees(LARGEST_GAP):g}° apart at most, got {np.degrees(gap):.4g}°;"
-            " the grid does not cover the sphere"
-        )
-
-
-def _azimuth(phi: NDArray) -> tuple[NDArray, Any, bool]:
-    """Return the azimuths to keep, where they lie in the given ones, and whether they are half a turn."""
-    phi = _axis("phi", phi, 3)
-    step, reach = float(np.diff(phi).max()), float(phi[-1] - phi[0])
-    _check_gap("phi", step)
-    if reach > 2 * np.pi + 1e-6:
-        raise ValueError(f"phi must cover one turn, got {np.degrees(reach):.5g}°; leave out what comes twice")
-    if reach >= 2 * np.pi - 1e-6:  # the last is the first again
-        return phi[:-1], slice(0, -1), False
-    if 2 * np.pi - reach <= step * 1.001 + 1e-9:
-        return phi, slice(None), False
-    if phi[0] >= -1e-6 and phi[-1] <= np.pi + 1e-6 and phi[0] <= step and np.pi - phi[-1] <= step:
-        return phi.clip(0, np.pi), slice(None), True
-    raise ValueError(
-        f"phi must run over a whole turn, or from 0 to pi for an even function, got {np.degrees(phi[0]):.4g}° to"
-        f" {np.degrees(phi[-1]):.4g}°; the grid does not cover the sphere"
-    )
 
 
 def _fold(f: NDArray, phi: NDArray, even: bool | None) -> tuple[NDArray, NDArray, bool]:
