@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,6 @@ from scipy import special
 import cuticle
 from cuticle import Chiang, _core, conventions
 from cuticle._support.quadrature import gauss_legendre
-from cuticle.scattering.from_mitsuba import AMBER
 
 REC709 = np.array([0.2126, 0.7152, 0.0722])
 THETA, THETA_WEIGHT = gauss_legendre(np.linspace(-np.pi / 2, np.pi / 2, 121), 4)
@@ -109,34 +109,59 @@ def mitsubas_bessel(x: np.ndarray) -> np.ndarray:
     return np.where(x > 12, np.exp(0.5 * (np.log(1 / (2 * np.pi * np.maximum(x, 1))) + 1 / (8 * np.maximum(x, 1)))), series)
 
 
-@pytest.mark.skipif(importlib.util.find_spec("mitsuba") is None, reason="Mitsuba 3 is not installed")
-def test_mitsubas_hair_is_this_but_for_its_bessel_function() -> None:
+MITSUBA = pytest.mark.skipif(importlib.util.find_spec("mitsuba") is None, reason="Mitsuba 3 is not installed")
+# Its hair as a scene has it: with nothing, with each parameter alone, with several.
+MITSUBAS: list[tuple[dict[str, Any], float, float]] = [  # parameters, h, theta_r
+    ({}, 0.0, 0.4),
+    ({"longitudinal_roughness": 0.1}, 0.5, 1.3),
+    ({"azimuthal_roughness": 0.7}, -0.9, -1.2),
+    ({"scale_tilt": -5.0}, 0.3, 0.0),
+    ({"int_ior": "bk7", "ext_ior": "water"}, 0.2, 0.4),
+    ({"ext_ior": 1.2}, 0.2, 0.4),
+    ({"eumelanin": 0.3}, 0.0, 0.4),
+    ({"pheomelanin": 1.0, "scale": 3.0}, -0.5, 0.8),
+    ({"sigma_a": {"type": "rgb", "value": [0.2, 0.25, 0.7]}, "scale": 3.0}, 0.0, 0.4),
+    ({"longitudinal_roughness": 0.8, "eumelanin": 8.0, "pheomelanin": 0.0, "int_ior": 1.4}, 0.5, 1.3),
+]
+
+
+@MITSUBA
+@pytest.mark.parametrize(("given", "h", "theta_r"), MITSUBAS, ids=str)
+def test_mitsubas_hair_is_this_but_for_its_bessel_function(given: dict[str, Any], h: float, theta_r: float) -> None:
     rng = np.random.default_rng(3)
-    ti, phi = rng.uniform(-1.5, 1.5, 3000), rng.uniform(-np.pi, np.pi, 3000)
-    for beta, melanin, h, theta_r in (
-        (0.25, 0.3, 0.0, 0.4),
-        (0.3, 1.3, -0.9, -1.2),
-        (0.1, 8.0, 0.5, 1.3),
-        (0.8, 1.3, 0.3, 0),
-    ):
-        theirs = cuticle.from_mitsuba(
-            "hair", h=h, longitudinal_roughness=beta, azimuthal_roughness=0.3, eumelanin=melanin, pheomelanin=0.0
-        )
-        parameters = conventions.from_host(
-            "mitsuba", longitudinal_roughness=beta, azimuthal_roughness=0.3, scale_tilt=2.0, int_ior=AMBER, eumelanin=melanin
-        )
-        ours = Chiang(**parameters).near(h)
-        f, g = theirs.eval(ti, theta_r, phi), ours.eval(ti, theta_r, phi)
-        seen = g.max(axis=1) > 1e-6
-        assert np.abs(f[seen] / g[seen] - 1).max() < 0.03
-        # Each lobe with the Bessel function exchanged: nothing is left but single precision.
-        exchanged = np.zeros_like(g)
-        for k, part in enumerate(("R", "TT", "TRT", "rest")):
-            x = np.abs(np.cos(ti) * np.cos(ours.model.tilt[k] - theta_r)) / ours.model.variance[k]
-            ratio = mitsubas_bessel(x) / special.i0e(x)
-            exchanged += ours.eval(ti, theta_r, phi, lobes=part) * ratio[:, None]
-        # The factor 2 within Mitsuba's exponent is .6931 as a logarithm, for variances below .1.
-        assert np.abs(f[seen] / exchanged[seen] - 1).max() < 3e-4
+    ti, phi = rng.uniform(-1.5, 1.5, 1000), rng.uniform(-np.pi, np.pi, 1000)
+    ours = Chiang(**conventions.from_host("mitsuba", **given)).near(h)
+    f, g = cuticle.from_mitsuba("hair", h=h, **given).eval(ti, theta_r, phi), ours.eval(ti, theta_r, phi)
+    seen = g.max(axis=1) > 1e-6
+    assert np.abs(f[seen] / g[seen] - 1).max() < 0.03
+    # Each lobe with the Bessel function exchanged: nothing is left but single precision.
+    exchanged = np.zeros_like(g)
+    for k, part in enumerate(("R", "TT", "TRT", "rest")):
+        x = np.abs(np.cos(ti) * np.cos(ours.model.tilt[k] - theta_r)) / ours.model.variance[k]
+        ratio = mitsubas_bessel(x) / special.i0e(x)
+        exchanged += ours.eval(ti, theta_r, phi, lobes=part) * ratio[:, None]
+    # The factor 2 within Mitsuba's exponent is .6931 as a logarithm, for variances below .1.
+    assert np.abs(f[seen] / exchanged[seen] - 1).max() < 3e-4
+
+
+@MITSUBA
+def test_mitsuba_takes_what_to_host_gives() -> None:
+    model = Chiang(beta_m=0.4, beta_n=0.5, alpha=3.0, eta=1.5, sigma_a=(0.3, 1.0, 2.0))
+    theirs = cuticle.from_mitsuba("hair", h=0.3, **conventions.to_host("mitsuba", model))
+    ti, phi = np.meshgrid([-0.5, 0.1, 0.7], [0.3, 1.5, 3.0])
+    # Mitsuba's Bessel function, see above.
+    np.testing.assert_allclose(theirs.eval(ti, 0.2, phi), model.near(0.3).eval(ti, 0.2, phi), rtol=0.03)
+
+
+@MITSUBA
+def test_refractive_indices_are_mitsubas() -> None:
+    import mitsuba as mi
+
+    mi.set_variant("scalar_rgb")
+    for name, index in conventions.INDICES.items():
+        props = mi.Properties("hair")
+        props["int_ior"] = name
+        assert mi.lookup_ior(props, "int_ior", "air") == pytest.approx(index, rel=1e-7), name
 
 
 def test_a_file_reads_back(tmp_path: Path) -> None:
@@ -236,10 +261,67 @@ def test_a_hair_goes_to_a_host_and_back(host: str) -> None:
     back = Chiang(**conventions.from_host(host, **there))
     for name, value in model.model_dump(exclude_none=True).items():
         assert getattr(back, name) == pytest.approx(value), name
-    about = conventions.HOSTS[host]
-    assert there[about.alpha] == pytest.approx(about.tilt * (math.radians(2.5) if about.alpha_in_radians else 2.5))
     with pytest.raises(ValueError, match=f"{host} has no hair parameter 'gloss'"):
         conventions.from_host(host, gloss=1)
+
+
+# Defaults and signs as each host's source has them. In Cycles both before and after 4.2, which moved the rotation from the
+# light's angle to the viewer's and negated it: R lies at -theta_r - 2 alpha.
+@pytest.mark.parametrize(
+    ("host", "given", "expected"),
+    [
+        ("pbrt-v4", {}, {"alpha": -2.0, "eta": 1.55, "beta_m": 0.3, "beta_n": 0.3, "eumelanin": 1.3, "pheomelanin": 0.0}),
+        ("pbrt-v4", {"pheomelanin": 0.7}, {"eumelanin": 0.0, "pheomelanin": 0.7}),
+        ("pbrt-v4", {"eumelanin": 0.3}, {"eumelanin": 0.3, "pheomelanin": 0.0}),
+        ("cycles", {}, {"alpha": 2.0, "eta": 1.55, "beta_m": 0.3, "color": (0.017513, 0.005763, 0.002059)}),
+        ("cycles", {"offset": math.radians(3)}, {"alpha": 3.0}),
+        ("cycles-legacy", {"offset": math.radians(3)}, {"alpha": 3.0}),
+        ("cycles", {"melanin_redness": 0.0}, {"sigma_a": -math.log(0.2) * np.array([0.506, 0.841, 1.653])}),
+        ("materialx", {"longitudinal": 0.25}, {"beta_m": 0.25, "beta_n": 0.2, "alpha": 0.0, "sigma_a": np.zeros(3)}),
+        ("materialx", {"longitudinal": 0.25, "cuticle_angle": 0.49}, {"alpha": -1.8}),
+        (
+            "materialx",
+            {"azimuthal": 0.2, "melanin_redness": 0.0},
+            {"sigma_a": -math.log(0.75) * np.array([0.419, 0.697, 1.37])},
+        ),
+    ],
+    ids=str,
+)
+def test_what_is_not_given_has_the_hosts_default(host: str, given: dict[str, Any], expected: dict[str, Any]) -> None:
+    found = conventions.from_host(host, **given)
+    for name, value in expected.items():
+        np.testing.assert_allclose(found[name], value, atol=1e-12, err_msg=name)
+
+
+@pytest.mark.parametrize(
+    ("host", "given", "message"),
+    [
+        ("materialx", {}, r"roughness_TT \(0.05, 0.05\) \(here \(0.025, 0.1\)\), roughness_TRT \(0.2, 0.2\)"),
+        ("materialx", {"longitudinal": 0.2, "tint_R": (1.0, 0.5, 0.5)}, r"tint_R \(1.0, 0.5, 0.5\)"),
+        ("materialx", {"longitudinal": 0.2, "scale_TT": 1.0}, "scale_TT 1 "),
+        ("cycles", {"coat": 0.5}, "leaves out of cycles: coat 0.5"),
+    ],
+    ids=str,
+)
+def test_what_the_model_lacks_is_said(host: str, given: dict[str, Any], message: str) -> None:
+    with pytest.warns(UserWarning, match=message):
+        conventions.from_host(host, **given)
+
+
+@pytest.mark.parametrize(
+    ("host", "given", "message"),
+    [
+        ("mitsuba", {"sigma_a": 0.2, "eumelanin": 1.0}, "absorption one way: .*; got eumelanin, sigma_a"),
+        ("cycles", {"color": (0.1, 0.1, 0.1), "tint": (0.5, 0.5, 0.5)}, "absorption one way: .*; got color, tint"),
+        ("mitsuba", {"int_ior": "glue"}, "int_ior must be one of vacuum, .*; got 'glue'"),
+        ("mitsuba", {"ext_ior": 0.0}, r"ext_ior must be in \(0, 10\], got 0"),
+        ("materialx", {"longitudinal": 0.2, "roughness_R": (0.1, 0.1)}, "give roughness_R or longitudinal"),
+    ],
+    ids=str,
+)
+def test_a_host_that_contradicts_itself(host: str, given: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        conventions.from_host(host, **given)
 
 
 def test_pigments_of_both_sets() -> None:

@@ -76,6 +76,56 @@ def test_the_near_field_says_what_python_says(variant: str, folder: Path, use_va
     assert apart.max() <= 2e-3
 
 
+def test_in_place_of_hair_as_the_docs_say(use_variant: UseVariant) -> None:
+    """The scene file of docs/mitsuba.md is `hair` with nothing set; so is what `from_host` returns."""
+    mi = use_variant("scalar_rgb")
+    page = (Path(__file__).parent.parent / "docs" / "mitsuba.md").read_text()
+    written = page[page.index('This is `<bsdf type="hair"/>`') :].split("```xml\n")[1].split("```")[0]
+    scene = written.replace('"cuticle">', '"cuticle" version="3.0.0">')
+    bsdfs = ({"type": "hair"}, {"type": "cuticle", "near": True} | cuticle.conventions.from_host("mitsuba"))
+    rng = np.random.default_rng(8)
+    theta_i, phi = rng.uniform(-1.4, 1.4, 300), rng.uniform(-np.pi, np.pi, 300)
+    theirs, *ours = (
+        cuticle.from_mitsuba(x, h=0.3).eval(theta_i, 0.4, phi) for x in (*map(mi.load_dict, bsdfs), mi.load_string(scene))
+    )
+    for f in ours:
+        np.testing.assert_allclose(f, theirs, rtol=0.03, atol=1e-6)  # Mitsuba's Bessel function, see tests/test_chiang.py
+
+
+SPECTRUM = {"type": "irregular", "wavelengths": "400, 500, 600, 700", "values": "0.8, 0.5, 0.2, 0.1"}
+
+
+@pytest.mark.parametrize(
+    ("variant", "sigma_a", "expected"),
+    [
+        ("scalar_rgb", {"type": "bitmap", "raw": True}, (0.2, 0.4, 0.8)),
+        ("scalar_rgb", {"type": "rgb", "value": [0.2, 0.4, 0.8]}, (0.2, 0.4, 0.8)),
+        ("scalar_spectral", SPECTRUM, (0.68, 0.35, 0.29, 0.18)),  # at the wavelengths of ask(): 440, 550, 570 and 620 nm
+        (
+            "scalar_spectral",
+            {"type": "spectrum", "value": [(400, 0.8), (500, 0.5), (600, 0.2), (700, 0.1)]},
+            (0.68, 0.35, 0.29, 0.18),
+        ),
+    ],
+    ids=str,
+)
+def test_absorption_is_a_texture_or_a_spectrum(
+    variant: str, sigma_a: dict[str, Any], expected: tuple[float, ...], use_variant: UseVariant
+) -> None:
+    """Each wavelength has a value of its own, and `scale` multiplies it."""
+    mi = use_variant(variant)
+    if sigma_a["type"] == "bitmap":
+        sigma_a = {**sigma_a, "bitmap": mi.Bitmap(np.broadcast_to(np.float32(expected), (2, 2, 3)).copy())}
+    given = cuticle.conventions.from_host("mitsuba", sigma_a=sigma_a, scale=1.5)
+    rng = np.random.default_rng(9)
+    r, i, u = random_directions(rng, 60), random_directions(rng, 60), rng.random((60, 3), np.float32)
+    bsdf = mi.load_dict({"type": "cuticle", "near": True} | given)
+    model = cuticle.Chiang(**cuticle.conventions.from_host("mitsuba", sigma_a=tuple(1.5 * np.array(expected))))
+    f = model.near(-np.cos(r.phi)).eval(i.theta, r.theta, i.phi - r.phi) * np.cos(i.theta)[:, None]
+    inner = np.abs(np.cos(r.phi)) < 0.999
+    assert relative(ask(mi, bsdf, r, i, u).f[inner], f[inner]) <= 2e-3
+
+
 @pytest.mark.slow
 def test_the_near_field_is_mitsubas_hair_with_a_right_pdf(use_variant: UseVariant, tmp_path: Path) -> None:
     """The same picture as `hair`, and an audit that `hair` fails at this roughness."""
@@ -93,9 +143,9 @@ def test_the_near_field_is_mitsubas_hair_with_a_right_pdf(use_variant: UseVarian
         },
     }
     given = {"longitudinal_roughness": 0.4, "azimuthal_roughness": 0.5, "eumelanin": 0.3, "pheomelanin": 0.0}
-    ours = cuticle.conventions.from_host("mitsuba", **given, scale_tilt=2.0, int_ior=1.55 / 1.000277)
+    ours = cuticle.conventions.from_host("mitsuba", **given)
     pictures = []
-    for bsdf in ({"type": "hair", "scale_tilt": 2.0} | given, {"type": "cuticle", "near": True} | ours):
+    for bsdf in ({"type": "hair"} | given, {"type": "cuticle", "near": True} | ours):
         loaded = mi.load_dict(scene | {"hair": strand | {"bsdf": bsdf}})
         pictures.append(np.array(mi.render(loaded, spp=1024, seed=1))[..., :3].mean(axis=0))
     assert pictures[0].max() > 0.02

@@ -23,6 +23,10 @@ from test_mitsuba import UseVariant
         ),
         ({"fibre": "brown", "betaR": 3.0}, "cuticle has no parameter 'betaR'"),
         ({}, "cuticle needs a fibre"),
+        (
+            {"fibre": "brown", "sigma_a": {"type": "uniform", "value": 0.3}},
+            "sigma_a as a texture or a spectrum needs near: the far field is tabulated for its absorption",
+        ),
         ({"fibre": "brown", "beta_R": 400.0}, "beta_R must be in [0.1, 60] degrees, got 400"),
         ({"fibre": "brown", "sampling": "best"}, "sampling must be one of lobes, document, uniform; got 'best'"),
         ({"fibre": "brown", "lobes": 99}, "lobes must be in [1, 16], got 99"),

@@ -148,21 +148,31 @@ def test_stacks_agree_with_a_walk_over_strands(before: int, behind: int | None) 
     assert returned * a_f / arrived == pytest.approx(energy * back, rel=0.015, abs=1e-12)
 
 
-@pytest.mark.parametrize("formulation", ["exact", "zinke2008"])
-@pytest.mark.parametrize("expected", [0.0, 0.05, 0.8, 3.0, 12.0])
-def test_an_expected_number_of_strands_is_the_mean_over_poissons(expected: float, formulation: str) -> None:
-    model = DualScattering(Fibre.preset("brown"), formulation=formulation)
+# The total variation distance that docs/models.md states: the presets' worst, and brown hair seen as in most pictures.
+@pytest.mark.parametrize(
+    ("preset", "formulation", "expected", "theta_r", "distance"),
+    [
+        *(("brown", form, n, 0.3, 0.03) for form in ("exact", "zinke2008") for n in (0.0, 0.05, 0.8, 3.0, 12.0)),
+        ("marschner", "exact", 12.0, 0.3, 0.04),
+        ("brown", "exact", 8.0, 1.5, 0.045),
+        ("marschner", "exact", 8.0, 1.5, 0.085),
+    ],
+)
+def test_an_expected_number_of_strands_is_the_mean_over_poissons(
+    preset: str, formulation: str, expected: float, theta_r: float, distance: float
+) -> None:
+    model = DualScattering(Fibre.preset(preset), formulation=formulation)
     theta, phi, cell = sphere(180, 60)
-    mean = model.expected(theta, 0.3, phi, expected)
+    mean = model.expected(theta, theta_r, phi, expected)
     sum_over_n = sum(
-        poisson.pmf(n, expected) * model.with_strands(n).eval(theta, 0.3, phi) for n in range(int(4 * expected) + 12)
+        poisson.pmf(n, expected) * model.with_strands(n).eval(theta, theta_r, phi) for n in range(int(4 * expected) + 12)
     )
     weight = (np.cos(theta) ** 2 * cell * np.ones_like(phi))[..., None]
     energy = (mean * weight).sum(axis=(0, 1))
     # Energies are those of the sum (for a Gaussian M, but for its cut at the poles); one M of the mean width stands for a
     # sum of Ms of all widths, which is a little more peaked and longer in its tails.
     np.testing.assert_allclose(energy, (sum_over_n * weight).sum(axis=(0, 1)), rtol=1e-3 if formulation == "exact" else 0.02)
-    assert (0.5 * (np.abs(mean - sum_over_n) * weight).sum(axis=(0, 1)) <= 0.03 * energy).all()
+    assert (0.5 * (np.abs(mean - sum_over_n) * weight).sum(axis=(0, 1)) <= distance * energy).all()
 
 
 def test_strands_behind_send_back_what_a_half_space_of_them_does() -> None:

@@ -64,7 +64,8 @@ def test_an_estimator_is_averaged_and_says_how_well_it_is_known() -> None:
     for theta_r in (-1.0, 0.0, 0.7):
         ess = cuticle.measure(fitted.sampler, BROWN, theta_r).ess
         assert ess > cuticle.measure(best.sampler, BROWN, theta_r).ess - 0.02
-    once = from_callable(estimator, even=True, grid=(3, 13, 13), repeats=2)
+    with pytest.warns(UserWarning, match="few viewers are known"):
+        once = from_callable(estimator, even=True, grid=(3, 13, 13), repeats=2)
     assert once.source["repeats"] == 2  # type: ignore[union-attr]
 
 

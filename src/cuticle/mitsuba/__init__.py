@@ -88,8 +88,16 @@ def _make_bsdf(props: Any) -> Any:
     check_variant()
     given = {name: props[name] for name in props.keys()}  # noqa: SIM118 - Mitsuba's, not a dict
     scale = given.pop("scale", None)
+    texture, kinds = None, mi.Properties.Type
+    if "sigma_a" in given and props.type("sigma_a") in (kinds.Object, kinds.Spectrum):
+        if not given.get("near", False):
+            raise ValueError(
+                "sigma_a as a texture or a spectrum needs near: the far field is tabulated for its absorption;"
+                " give sigma_a as a number or a colour, and scale as a texture"
+            )
+        texture, given["sigma_a"] = given["sigma_a"], 1.0  # which stands for it where parameters are checked
     material = read_material(given)
-    return build(material, scale=scale)
+    return build(material, scale=scale, sigma_a=texture)
 
 
 register()

@@ -58,8 +58,12 @@ def _tables(fibre: Fibre | Chiang) -> _Tables:
         low *= _RATIO
 
 
-def build(material: Material, *, scale: Any = None) -> Any:
-    """Return Mitsuba's BSDF for a material; `scale`, a number or a texture, multiplies the absorption."""
+def build(material: Material, *, scale: Any = None, sigma_a: Any = None) -> Any:
+    """Return Mitsuba's BSDF for a material.
+
+    `scale`, a number or a texture, multiplies the absorption. `sigma_a`, a texture or a spectrum, takes the place of the
+    near field's own.
+    """
     fibre = material.fibre
     closed = isinstance(fibre, (Fibre, Chiang)) and material.among is None
     if scale is not None and not closed:
@@ -71,13 +75,14 @@ def build(material: Material, *, scale: Any = None) -> Any:
         _closed_forms(props, fibre)
     else:
         _function_tables(props, material)
-    if scale is not None:
-        props["scale"] = scale
+    for name, value in (("scale", scale), ("sigma_a", sigma_a)):
+        if value is not None:
+            props[name] = value
     for name, sampler in (("single", material.single), ("combined", material.combined)):
         if sampler is not None:
             props[name] = _tensor(_padded(sampler))
             props[f"{name}_even"] = sampler.even
-    props["about"] = _describe(material)
+    props["about"] = _describe(material, sigma_a is not None)
     return mi.PluginManager.instance().create_object(props)
 
 
@@ -166,7 +171,7 @@ def _padded(sampler: Sampler) -> NDArray[np.float64]:
     return out
 
 
-def _describe(material: Material) -> str:
+def _describe(material: Material, textured: bool) -> str:
     def text(name: str, sampler: Sampler | None) -> str:
         if sampler is None:
             return f"{name} = uniform sphere"
@@ -177,6 +182,8 @@ def _describe(material: Material) -> str:
     if isinstance(material.fibre, Fibre):
         values = ", ".join(f"{k}={v}" for k, v in material.fibre.model_dump(exclude_none=True).items())
         fibre = f"[{values}]"
+    if material.near and textured:
+        fibre = fibre.replace("sigma_a=(1.0,)", "sigma_a as below")
     if material.near:
         return f"fibre = {fibre},\nsampling = near field, its own lobes"
     lines = [f"fibre = {fibre}", text("sampling", material.single)]

@@ -25,7 +25,6 @@ from cuticle.scattering.chiang import PARTS, Chiang, ChiangNear
 from cuticle.scattering.registry import first_class, restores
 from cuticle.scattering.tabulated import Tabulated
 
-AMBER = 1.55 / 1.000277  # what `hair` takes where no int_ior is given: "amber" in "air"
 OFFSETS = 24  # Gauss-Legendre points of the angle asin(h) where h is averaged
 GRID = (25, 91, 121)
 _CHUNK = 2_000_000
@@ -327,14 +326,8 @@ def _as_chiang(parameters: dict[str, Any] | None, h: float) -> ChiangNear | None
     """The same hair as ours, where the material is Mitsuba's `hair` with plain numbers."""
     if not parameters or parameters.get("type") != "hair":
         return None
-    known = {k: v for k, v in parameters.items() if k not in ("type", "ext_ior", "scale")}
-    if "ext_ior" in parameters or "scale" in parameters or isinstance(known.get("int_ior"), str):
-        return None
-    defaults: dict[str, Any] = {"longitudinal_roughness": 0.3, "azimuthal_roughness": 0.3, "scale_tilt": 2.0}
-    if "sigma_a" not in known:
-        defaults |= {"eumelanin": 1.3, "pheomelanin": 0.2}
-    defaults["int_ior"] = AMBER
+    known = {k: v for k, v in parameters.items() if k != "type"}
     try:
-        return Chiang(**conventions.from_host("mitsuba", **{**defaults, **known})).near(h)
+        return Chiang(**conventions.from_host("mitsuba", **known)).near(h)
     except (TypeError, ValueError):
         return None

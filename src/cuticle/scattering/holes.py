@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
@@ -27,6 +28,23 @@ def fill_holes(f: NDArray, periodic: bool) -> float:
             if mask.any():
                 f[r][..., channels] = _fill(f[r][..., channels], mask, periodic)
     return share
+
+
+def farthest(missing: NDArray, theta: NDArray, phi: NDArray, periodic: bool) -> NDArray[np.float64]:
+    """Return for each viewer the largest angle from a hole to the nearest value, radians; 0 where there is no hole.
+
+    `missing` has shape (viewers, theta, phi); phi is radians around the fibre, measured at the equator.
+    """
+    beside = missing if periodic else missing[..., ::-1]
+    wide = np.concatenate([beside, missing, beside], axis=2)
+    turn = 2 * np.pi
+    azimuth = np.concatenate([phi - turn, phi, phi + turn] if periodic else [-phi[::-1], phi, turn - phi[::-1]])
+    spacing = [float(np.diff(theta).mean()), float(np.diff(phi).mean())]
+    out = np.zeros(len(missing))
+    for r in np.flatnonzero(missing.any(axis=(1, 2))):
+        a, b = distance_transform_edt(wide[r], sampling=spacing, return_distances=False, return_indices=True)
+        out[r] = np.hypot(theta[a] - theta[:, None], azimuth[b] - azimuth).max()
+    return out
 
 
 def _fill(sheet: NDArray, mask: NDArray, periodic: bool) -> NDArray:

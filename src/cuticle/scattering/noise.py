@@ -21,8 +21,9 @@ def settle_noise(f: NDArray, periodic: bool) -> tuple[float, float]:
     Returns
     -------
     tuple
-        Share of the sum (of absolute values) that is below 0 once smoothed as wide as it goes, near 0 for noise; the noise's
-        deviation over the largest value. Both 0 where hardly anything lies below 0.
+        Share of the sum (of absolute values) that is below 0 beyond what noise explains, once smoothed as wide as it goes:
+        0 for noise; the noise's deviation over the largest value of its
+        viewer. Both 0 where hardly anything lies below 0.
     """
     below = np.minimum(f, 0)
     whole = float(np.abs(f).sum())
@@ -32,13 +33,17 @@ def settle_noise(f: NDArray, periodic: bool) -> tuple[float, float]:
     left = kept = largest = 0.0
     modes = ("nearest", "wrap" if periodic else "mirror")
     for r in range(f.shape[0]):
+        # Of all channels, and of means over neighbours, since the largest value alone has the largest noise.
+        top = max(
+            1e-300, *(float(gaussian_filter(sheet, _WIDTHS[0], mode=modes).max()) for sheet in np.moveaxis(f[r], 2, 0))
+        )
         for c in range(f.shape[3]):
             sheet = f[r, ..., c].astype(np.float64)
             negative = sheet[sheet < 0]
             if not len(negative):
                 continue
             sigma = float(np.sqrt((negative**2).mean()))
-            largest = max(largest, sigma / max(float(sheet.max()), 1e-300))
+            largest = max(largest, sigma / top)
             out, unclear = sheet.copy(), sheet < _CLEAR * sigma
             for width in _WIDTHS:
                 share_of = gaussian_filter(unclear.astype(np.float64), width, mode=modes)
@@ -46,8 +51,11 @@ def settle_noise(f: NDArray, periodic: bool) -> tuple[float, float]:
                 out[unclear] = mean[unclear]
                 # Of white noise a Gaussian mean of this width keeps 1/(2 w √π).
                 unclear &= mean < _CLEAR * sigma / (2 * width * np.sqrt(np.pi))
+            # What noise leaves is within four of its own deviations, in each mean and in that of all that is unclear.
             smooth = gaussian_filter(sheet, _WIDTHS[-1], mode=modes)
-            left -= float(np.minimum(smooth, 0).sum())
+            left -= float(np.minimum(smooth + _CLEAR * sigma / (2 * _WIDTHS[-1] * np.sqrt(np.pi)), 0).sum())
+            dim = sheet[sheet < _CLEAR * sigma]
+            left -= min(float(dim.sum()) + _CLEAR * sigma * float(np.sqrt(len(dim))), 0.0)
             kept += float(np.abs(smooth).sum())
             f[r, ..., c] = np.maximum(out, 0)
     return left / max(kept, 1e-300), largest

@@ -3,34 +3,38 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 import warnings
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import PchipInterpolator
 
 from cuticle._support import validate
 from cuticle._support.files import read_bytes, reading
 from cuticle.scattering.bcsdf import luminance
-from cuticle.scattering.holes import fill_holes
+from cuticle.scattering.holes import farthest, fill_holes
 from cuticle.scattering.noise import LEAST_SHARE, settle_noise
 from cuticle.scattering.registry import first_class, restores
+from cuticle.scattering.table_axes import azimuth, check_theta, increasing, shaped
 from cuticle.scattering.table_files import read_table, write_table
 
-LARGEST_GAP = np.radians(30)  # between neighbours of one axis
-LARGEST_MARGIN = np.radians(10)  # between the last theta_i and the pole
+FAR = np.radians(15)  # between any viewer and the nearest that is known, without a warning
+FAR_HOLE = np.radians(5)  # between a hole and the nearest value, without a warning
 MOST_HOLES = 0.2  # of one viewer's values
 MOST_NEGATIVE = 0.01  # of the energy, once noise is averaged out
 MOST_NOISE = 0.25  # of a viewer's largest f cos theta_i, its deviation
 MOST_ENERGY = 1.02
 _NOT_ENERGY = 100.0
-_NO_NOISE = 0.2  # more is no noise, however large that may be
 _ALL_BUT_EVEN = 1e-3  # of f, rms: both sides are one
 _CORRELATED = 0.2
+_FINE = 720  # cells of theta_i in which energies are compared
+_STEP = np.radians(2)  # between viewers at which they are, at most
 _POLE = 1e-9  # least cosine; what is given for the pole itself, where f has no say, is not looked at
-_DEGREES = "angles are in radians: give degrees=True, or name the columns theta_r_deg, theta_i_deg, phi_deg"
 
 
 @first_class
@@ -39,7 +43,8 @@ class Tabulated:
 
     f cos(theta_i) is interpolated linearly; unlike f, it is finite at the poles. Between two viewers, both slices are first
     shifted along theta_i so that their highlights (theta_i = -theta_r) coincide. Beyond the last viewer, its slice is
-    shifted alone.
+    shifted alone. A shift changes the energy, since cos(theta_i) is another: what is between viewers is scaled, channel by
+    channel, to the energy interpolated between them by monotone cubics.
 
     Parameters
     ----------
@@ -74,7 +79,8 @@ class Tabulated:
     Warns
     -----
     UserWarning
-        Energy above 1, values below 0 set to 0, one viewer or one side of them only.
+        Energy above 1, values below 0 set to 0, holes further than 5° from a value, viewers further than 15° from any
+        that is known, one side of them only.
     """
 
     strands = 0.0
@@ -93,19 +99,22 @@ class Tabulated:
     ) -> None:
         self.source: dict[str, Any] | None = None
         turn = np.radians if degrees else np.asarray
-        self.theta_r = _axis("theta_r", turn(np.atleast_1d(np.asarray(theta_r, np.float64))), 1)
-        self.theta_i = _axis("theta_i", turn(np.asarray(theta_i, np.float64)), 3)
+        self.theta_r = increasing("theta_r", turn(np.atleast_1d(np.asarray(theta_r, np.float64))), 1)
+        self.theta_i = increasing("theta_i", turn(np.asarray(theta_i, np.float64)), 3)
         phi = np.asarray(turn(np.asarray(phi, np.float64)))
-        f = _values(values, len(self.theta_r), len(self.theta_i), np.size(phi))
-        _check_theta(self.theta_i)
-        self.phi, order, self.even = _azimuth(phi)
+        f = shaped(values, len(self.theta_r), len(self.theta_i), np.size(phi))
+        check_theta(self.theta_i)
+        self.phi, order, self.even = azimuth(phi)
         f = f[:, :, order] * np.maximum(np.cos(self.theta_i), _POLE)[:, None, None]  # a copy, which is ours to change
         for pole, inner in ((0, 1), (-1, -2)):
             if np.cos(self.theta_i[pole]) <= _POLE:
                 f[:, pole] = f[:, inner]
         self._bad(f)
         below = f[f < 0]
+        missing = np.isnan(f).any(axis=3)
         self.holes = fill_holes(f, not self.even)
+        if self.holes:
+            self._say_holes(f, missing)
         if not self.even:
             f, self.phi, self.even = _fold(f, self.phi, even)
         if len(below):
@@ -117,9 +126,9 @@ class Tabulated:
         f.setflags(write=False)
         self.energy = self._energies()
         self._check_energy()
-        if len(self.theta_r) == 1:
-            _warn("one viewer is known: the others see its sheet moved along theta_i to their own highlight")
         self._mirrored = len(self.theta_r) > 1 and (self.theta_r[0] >= 0 or self.theta_r[-1] <= 0)
+        self._scaled_at, self._scale = self._scales()
+        self._check_viewers()
         if self._mirrored:
             side = "below" if self.theta_r[0] >= 0 else "above"
             _warn(f"no viewer {side} 0° is known: mirror images stand for them, which is right for a fibre without tilt")
@@ -127,7 +136,9 @@ class Tabulated:
     def __repr__(self) -> str:
         r, a, b, c = self.values.shape
         energy = luminance(self.energy)
-        holes = f", {100 * self.holes:.2g} % holes filled" if self.holes else ""
+        holes = ""
+        if self.holes:
+            holes = f", {100 * self.holes:.2g} % holes filled, up to {np.degrees(self.farthest):.2g}° from a value"
         size = f"{r} viewers × {a} theta_i × {b} phi × {c} channel{'s' if c > 1 else ''}"
         return f"Tabulated({size}{', even' if self.even else ''}, energy {energy.min():.3g} to {energy.max():.3g}{holes})"
 
@@ -159,6 +170,8 @@ class Tabulated:
             for da, wa in ((0, 1 - s), (1, s)):
                 for db, wb in ((0, 1 - v_), (1, v_)):
                     out[used] += (weight[used] * wa * wb)[:, None] * self.values[sheet, a + da, b + db]
+        k, s = _locate(self._scaled_at, tr)
+        out *= (1 - s)[:, None] * self._scale[k] + s[:, None] * self._scale[k + 1]
         out /= np.maximum(np.cos(ti), _POLE)[:, None]
         return out.reshape(*shape, self.channels)
 
@@ -173,6 +186,8 @@ class Tabulated:
                 a, s = _locate(self.theta_i, ti + tr - self.theta_r[sheet])
                 at = self.values[sheet]
                 rows += (weight * (1 - s))[:, None, None] * at[a] + (weight * s)[:, None, None] * at[a + 1]
+        k, s = _locate(self._scaled_at, np.array([tr]))
+        rows *= (1 - s) * self._scale[k[0]] + s * self._scale[k[0] + 1]
         rows /= np.maximum(np.cos(ti), _POLE)[:, None, None]
         column, v = self._column(ph)
         return (1 - v)[:, None] * rows[:, column] + v[:, None] * rows[:, column + 1]
@@ -219,6 +234,22 @@ class Tabulated:
                 f" theta_r {np.degrees(self.theta_r[worst]):.4g}°; measure more, or leave that viewer out"
             )
 
+    def _say_holes(self, f: NDArray, missing: NDArray) -> None:
+        """Keep how far from a value was filled; where that is far, warn of it, and of how much energy was filled."""
+        far = farthest(missing, self.theta_i, self.phi, not self.even)
+        self.farthest = float(far.max())
+        if self.farthest <= FAR_HOLE:
+            return
+        weight = np.cos(self.theta_i)[:, None]
+        total = np.abs(f).sum(axis=3) * weight
+        filled = (total * missing).sum(axis=(1, 2)) / np.maximum(total.sum(axis=(1, 2)), 1e-300)
+        r = int(np.argmax(far))
+        _warn(
+            f"{100 * self.holes:.2g} % of the values are holes (NaN), filled from those around them: up to"
+            f" {np.degrees(far[r]):.2g}° from the nearest value, at theta_r {np.degrees(self.theta_r[r]):.3g}°; what was"
+            f" filled holds up to {100 * filled.max():.2g} % of a viewer's energy"
+        )
+
     def _settle(self, f: NDArray, below: NDArray, smooth: bool) -> None:
         """Make f at least 0; `below`: what was not, as it was given."""
         share = -float(below.sum()) / float(np.abs(f).sum() - below.sum())
@@ -227,24 +258,57 @@ class Tabulated:
                 f"values must be at least 0, got {len(below):,} below 0, {100 * share:.3g} % of the sum of f cos(theta_i),"
                 f" the least {float(below.min()):.4g}: smooth=True averages out what is zero-mean noise"
             )
+        weight = np.cos(self.theta_i)
+        before = np.einsum("rabc,a->rc", f, weight)
         left, deviation = settle_noise(f, not self.even)
-        if left > (MOST_NEGATIVE if deviation <= MOST_NOISE else _NO_NOISE):
+        if left > MOST_NEGATIVE:
             raise ValueError(
                 f"values must be at least 0 but for noise about 0: {100 * share:.3g} % of the sum of f cos(theta_i) is"
-                f" negative, {100 * left:.3g} % still where noise averages out; the least is {float(below.min()):.4g}"
+                f" negative, {100 * left:.3g} % still where noise averages out; the least is {float(below.min()):.4g};"
+                " subtract a dark measurement, or set to 0 what is known to be dark"
             )
         if deviation > MOST_NOISE:
             raise ValueError(
                 f"noise may have a deviation of {100 * MOST_NOISE:g} % of the largest f cos(theta_i), got"
-                f" {100 * deviation:.3g} %, judged by the values below 0; measure longer"
+                f" {100 * deviation:.3g} %, judged by the values below 0; measure longer, or average n measurements, which"
+                " divides it by the root of n"
             )
-        done = f"smoothed as noise of {100 * deviation:.2g} % of the largest value" if deviation else "set to 0"
+        changed = np.abs(np.einsum("rabc,a->rc", f, weight) / np.maximum(before, 1e-300) - 1).max()
+        done = "set to 0"
+        if deviation:
+            done = f"smoothed as noise of {100 * deviation:.2g} % of the largest value"
+            done += f"; that changes a viewer's energy by up to {100 * changed:.2g} %"
         _warn(f"{len(below):,} values below 0 ({100 * share:.2g} % of the sum) are {done}")
 
     def _energies(self) -> NDArray[np.float64]:
         """∫ f cos theta_i d omega_i of each viewer and channel, shape (R, channels), by the trapezium rule."""
         theta = np.concatenate([[-np.pi / 2], self.theta_i, [np.pi / 2]])
         along_theta = 0.5 * (theta[2:] - theta[:-2]) * np.cos(self.theta_i)
+        return np.einsum("rac,a->rc", self._over_phi(), along_theta)
+
+    def _scales(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return viewers, those of the table and some between, and what f is to be multiplied by there: 1 at the table's."""
+        theta = (np.arange(_FINE) + 0.5) * np.pi / _FINE - np.pi / 2
+        over_phi = self._over_phi()
+
+        def energy(sheet: int, shift: float) -> NDArray[np.float64]:
+            return np.cos(theta) @ np.stack([np.interp(theta + shift, self.theta_i, m) for m in over_phi[sheet].T], axis=1)
+
+        own = np.stack([energy(r, 0.0) for r in range(len(self.theta_r))])
+        known = np.unique([-np.pi / 2, *self.theta_r, np.pi / 2])
+        parts = [np.linspace(a, b, max(8, math.ceil((b - a) / _STEP)), endpoint=False) for a, b in pairwise(known)]
+        viewers = np.append(np.concatenate(parts), known[-1])
+        scale = np.ones((len(viewers), self.channels))
+        wanted = own[:1] if len(own) == 1 else PchipInterpolator(self.theta_r, own)(viewers.clip(*self.theta_r[[0, -1]]))
+        wanted = np.broadcast_to(wanted, scale.shape)
+        for k, (viewer, row, t) in enumerate(zip(viewers, *_locate(self.theta_r, viewers), strict=True)):
+            sheets = [(row, 1 - t), (min(row + 1, len(own) - 1), t)]
+            moved = sum(w * energy(r, viewer - self.theta_r[r]) for r, w in sheets if w > 0)
+            np.divide(wanted[k], moved, out=scale[k], where=moved > 0)
+        return viewers, scale
+
+    def _over_phi(self) -> NDArray[np.float64]:
+        """∫ f cos(theta_i) d phi of each viewer, theta_i and channel."""
         along_phi = np.zeros(len(self.phi))
         half = 0.5 * np.diff(self.phi)
         along_phi[:-1] += half
@@ -253,7 +317,19 @@ class Tabulated:
             along_phi[0] += self.phi[0]
             along_phi[-1] += np.pi - self.phi[-1]
             along_phi *= 2
-        return np.einsum("rabc,a,b->rc", self.values, along_theta, along_phi, optimize=True)
+        return np.einsum("rabc,b->rac", self.values, along_phi, optimize=True)
+
+    def _check_viewers(self) -> None:
+        known = np.unique(np.concatenate([self.theta_r, -self.theta_r])) if self._mirrored else self.theta_r
+        places = np.linspace(-np.pi / 2, np.pi / 2, 181)
+        apart = np.abs(places[:, None] - known).min(axis=1)
+        if apart.max() > FAR:
+            place, nearest = places[np.argmax(apart)], known[np.argmin(np.abs(places[np.argmax(apart)] - known))]
+            of = "one viewer is known" if len(known) == 1 else "few viewers are known"
+            _warn(
+                f"{of}: at theta_r {np.degrees(place):.3g}° stands what was given for {np.degrees(nearest):.3g}°, moved by"
+                f" {np.degrees(apart.max()):.3g}° along theta_i to its highlight: a guess beyond {np.degrees(FAR):g}°"
+            )
 
     def _check_energy(self) -> None:
         total = self.energy.max(axis=1)
@@ -276,70 +352,6 @@ class Tabulated:
 
 def _warn(message: str) -> None:
     warnings.warn(message, stacklevel=4)
-
-
-def _axis(name: str, x: NDArray, least: int) -> NDArray[np.float64]:
-    x = validate.real(name, x).astype(np.float64)
-    if x.ndim != 1 or len(x) < least:
-        raise ValueError(f"{name} must be a list of at least {least} angles, got shape {x.shape}")
-    limit = 4 * np.pi if name == "phi" else np.pi / 2
-    if not np.isfinite(x).all() or np.abs(x).max() > limit * (1 + 1e-6):
-        raise ValueError(f"{name} must lie in ±{limit:.5g} rad, got up to {np.abs(x).max():.5g}; {_DEGREES}")
-    if (np.diff(x) <= 0).any():
-        at = int(np.argmax(np.diff(x) <= 0))
-        raise ValueError(f"{name} must be increasing, got {x[at]:.5g} and then {x[at + 1]:.5g} (item {at + 1})")
-    return x.clip(-limit, limit)
-
-
-def _values(values: ArrayLike, r: int, a: int, b: int) -> NDArray:
-    f = validate.real("values", values)
-    f = f if f.dtype == np.float32 else f.astype(np.float64, copy=False)
-    if f.shape[:2] == (a, b) and f.ndim in (2, 3) and r == 1:
-        f = f[None]
-    if f.ndim == 3:
-        f = f[..., None]
-    if f.ndim != 4 or f.shape[:3] != (r, a, b) or not 1 <= f.shape[3] <= 32:
-        raise ValueError(
-            f"values must have shape (theta_r, theta_i, phi, channels) = ({r}, {a}, {b}, 1 to 32), got {np.shape(values)}"
-        )
-    return f
-
-
-def _check_theta(theta: NDArray) -> None:
-    margin = max(theta[0] + np.pi / 2, np.pi / 2 - theta[-1])
-    if margin > LARGEST_MARGIN + 1e-9:
-        raise ValueError(
-            f"theta_i must reach within {np.degrees(LARGEST_MARGIN):g}° of both poles, got"
-            f" {np.degrees(theta[0]):.4g}° to {np.degrees(theta[-1]):.4g}°; the grid does not cover the sphere. {_DEGREES}"
-        )
-    _check_gap("theta_i", float(np.diff(theta).max()))
-
-
-def _check_gap(name: str, gap: float) -> None:
-    if gap > LARGEST_GAP + 1e-9:
-        raise ValueError(
-            f"neighbours in {name} may be {np.degrees(LARGEST_GAP):g}° apart at most, got {np.degrees(gap):.4g}°;"
-            " the grid does not cover the sphere"
-        )
-
-
-def _azimuth(phi: NDArray) -> tuple[NDArray, Any, bool]:
-    """Return the azimuths to keep, where they lie in the given ones, and whether they are half a turn."""
-    phi = _axis("phi", phi, 3)
-    step, reach = float(np.diff(phi).max()), float(phi[-1] - phi[0])
-    _check_gap("phi", step)
-    if reach > 2 * np.pi + 1e-6:
-        raise ValueError(f"phi must cover one turn, got {np.degrees(reach):.5g}°; leave out what comes twice")
-    if reach >= 2 * np.pi - 1e-6:  # the last is the first again
-        return phi[:-1], slice(0, -1), False
-    if 2 * np.pi - reach <= step * 1.001 + 1e-9:
-        return phi, slice(None), False
-    if phi[0] >= -1e-6 and phi[-1] <= np.pi + 1e-6 and phi[0] <= step and np.pi - phi[-1] <= step:
-        return phi.clip(0, np.pi), slice(None), True
-    raise ValueError(
-        f"phi must run over a whole turn, or from 0 to pi for an even function, got {np.degrees(phi[0]):.4g}° to"
-        f" {np.degrees(phi[-1]):.4g}°; the grid does not cover the sphere"
-    )
 
 
 def _fold(f: NDArray, phi: NDArray, even: bool | None) -> tuple[NDArray, NDArray, bool]:
