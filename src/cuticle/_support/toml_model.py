@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import os
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
@@ -9,6 +10,7 @@ from typing import Any, ClassVar, TypeVar
 from pydantic import BaseModel, ConfigDict
 
 from cuticle._support.files import read_text, read_toml, toml_table, write_text
+from cuticle._support.values import without_caches
 
 T = TypeVar("T", bound="TomlModel")
 
@@ -22,6 +24,18 @@ class TomlModel(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
     table_name: ClassVar[str]
     table_remedy: ClassVar[str]
+
+    def __getstate__(self) -> dict[Any, Any]:
+        state = super().__getstate__()
+        return state | {"__dict__": without_caches(type(self), state["__dict__"])}
+
+    def __copy__(self: T) -> T:
+        other = type(self).__new__(type(self))
+        other.__setstate__(copy.deepcopy(self.__getstate__()))
+        return other
+
+    def __deepcopy__(self: T, memo: dict[int, Any] | None = None) -> T:
+        return self.__copy__()
 
     @classmethod
     def from_toml(cls: type[T], text: str, *, source: str = "TOML") -> T:

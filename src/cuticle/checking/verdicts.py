@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, TypeVar
 from scipy.special import ndtri
 
 from cuticle._support.plain_values import plain
+from cuticle._support.values import Value
 from cuticle.checking.measurements import Measurement
 
 LIMITS: Any = {"samples": (10_000, 100_000_000), "level": (1e-9, 0.5), "seed": (0, 2**63 - 1)}
@@ -42,7 +43,7 @@ class Verdict:
         return "pass" if self.passed else "inconclusive" if self.undecided else "fail"
 
 
-class Judged:
+class Judged(Value):
     """A result with verdicts: whether all hold, its values for JSON, and a summary in words."""
 
     verdicts: tuple[Verdict, ...]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from cuticle._support import validate
 from cuticle._support.files import reading, write_text
+from cuticle._support.values import Value
 from cuticle.grooms import splines
 
 __all__ = ["Groom", "join_grooms", "read_groom"]
@@ -23,7 +24,7 @@ _CLOSEST = 1e-18  # the square of a shorter step is 0 in single precision, and s
 
 
 @dataclass(frozen=True, eq=False)
-class Groom:
+class Groom(Value):
     """Strands of hair, each a row of points from root to tip with a radius at every point.
 
     The points lie on the strand, at the knots of a uniform cubic spline: that curve, through every point, is what is

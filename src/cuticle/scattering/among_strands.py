@@ -13,6 +13,7 @@ from scipy.interpolate import PchipInterpolator
 
 from cuticle import _core
 from cuticle._support import validate
+from cuticle._support.values import Value
 from cuticle.scattering.bcsdf import Bcsdf, check_model, is_even
 from cuticle.scattering.dual_scattering import pass_on
 from cuticle.scattering.registry import classes, first_class
@@ -40,7 +41,7 @@ class _Averages(NamedTuple):
 
 
 @first_class
-class Strands:
+class Strands(Value):
     """Dual scattering for any scattering function: a strand lit directly, or through other strands.
 
     It does for any function what the exact form of `DualScattering` does for a `Fibre`. The fractions scattered forward and
@@ -79,7 +80,6 @@ class Strands:
         self.d_f = validate.number("d_f", d_f, 0, 1, above=True)
         self.d_b = validate.number("d_b", d_b, 0, 1)
         self.even = is_even(model)
-        self._shared: dict[str, Any] = {}
 
     def __repr__(self) -> str:
         return f"Strands({self.model!r}, {self.strands:g}, d_f={self.d_f:g}, d_b={self.d_b:g})"
@@ -121,6 +121,11 @@ class Strands:
             energy = np.exp(log_energy(np.clip(np.asarray(theta_r, np.float64), *self._viewers[[0, -1]])))
             f = f + min(n, 1.0) * energy * table.eval(theta_i, theta_r, phi)
         return f
+
+    @cached_property
+    def _shared(self) -> dict[str, Any]:
+        """The tables, for all numbers of strands."""
+        return {}
 
     @cached_property
     def _viewers(self) -> Array:
