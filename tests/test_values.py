@@ -12,9 +12,11 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import cuticle
 from cuticle.grooms.density_grid import DensityGrid
@@ -90,6 +92,7 @@ MAKE: dict[str, Callable[[], Any]] = {
     "Groom": lambda: hair_ball(10),
     "DensityGrid": lambda: DensityGrid.build(hair_ball(10), 4),
 }
+MODELS = ("Marschner", "DualScattering", "Chiang", "Tabulated", "Function", "MitsubaBsdf")
 NO_VALUES = {"Bcsdf"}  # a protocol
 TUPLES = {"Averages", "Sample"}  # of arrays, which NumPy compares element by element
 EVALUATED_ONCE = {"Strands"}  # its tables take 5 s
@@ -184,3 +187,41 @@ def test_a_wrong_fit_is_refused_in_one_line(change: dict[str, Any], message: str
         cuticle.Fit.load(file)
     assert "\n" not in str(refused.value)
     assert str(file) in str(refused.value)
+
+
+@pytest.mark.parametrize("name", [n for n in MAKE if n not in EVALUATED_ONCE and (n in ("Sampler", "Fit") or n in MODELS)])
+def test_a_plot_shows_the_values(name: str) -> None:
+    value = used(name)
+    axes = Figure().add_subplot()
+    if name == "Fit":
+        assert value.plot(axes=axes) is axes
+        assert np.array_equal(axes.lines[0].get_ydata(), value.ess[0])
+        return
+    assert value.plot(0.3, axes=axes) is axes
+    image = axes.images[0].get_array()
+    row, column = 100, 37  # theta_i 10.5°, phi 56.25°
+    theta, phi = np.radians([10.5, 56.25])
+    if name == "Sampler":
+        expected = value.pdf(theta, 0.3, phi)
+    else:
+        f = value.eval(theta, 0.3, phi).reshape(-1)
+        expected = (f @ [0.2126, 0.7152, 0.0722] if len(f) == 3 else f.mean()) * np.cos(theta)
+    np.testing.assert_allclose(image[row, column], expected, rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("name", "shown"),
+    [
+        ("Fibre", "beta_N"),
+        ("Chiang", "eumelanin"),
+        ("Fit", "worst"),
+        ("Report", "outcome"),
+        ("Audit", "limit"),
+        ("Document", "verdict"),
+    ],
+)
+def test_notebooks_show_a_table(name: str, shown: str) -> None:
+    text = used(name)._repr_html_()
+    root = ElementTree.fromstring(text)  # well-formed: every text is escaped
+    assert root.tag == "table"
+    assert shown in "".join(root.itertext())

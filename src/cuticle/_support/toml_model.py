@@ -10,6 +10,7 @@ from typing import Any, ClassVar, TypeVar
 from pydantic import BaseModel, ConfigDict
 
 from cuticle._support.files import read_text, read_toml, toml_table, write_text
+from cuticle._support.plain_values import html_table
 from cuticle._support.values import without_caches
 
 T = TypeVar("T", bound="TomlModel")
@@ -54,6 +55,9 @@ class TomlModel(BaseModel):
     def to_toml(self) -> str:
         """Return TOML text that `from_toml` reads back to an equal value."""
         return toml_table(self.table_name, self.model_dump(exclude_none=True))
+
+    def _repr_html_(self) -> str:
+        return html_table(type(self).__name__, ("parameter", "value"), self.model_dump(exclude_none=True).items())
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write it to a TOML file, whole or not at all."""

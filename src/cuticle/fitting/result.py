@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict
 
 from cuticle._support.files import read_text, reading, write_text
 from cuticle._support.json_file import parse
+from cuticle._support.plain_values import html_table, number
 from cuticle._support.values import Value
 from cuticle.sampling.sampler import Sampler
 
@@ -135,6 +136,25 @@ class Fit(Value):
             (n, float(e[inner].mean()), float(e[inner].min()), float(e[~inner].min(initial=1.0)))
             for n, e in zip(self.sampler.strands, self.ess, strict=True)
         ]
+
+    def plot(self, *, axes: Any = None) -> Any:
+        """Draw the ESS over the viewer's inclination, a line a strand count; return the Matplotlib axes.
+
+        `axes` are those to draw on; default: those of a new figure. `fit.sampler.plot` draws the density.
+        """
+        from cuticle._support.plots import new_axes  # Matplotlib takes a second to import
+
+        axes = new_axes() if axes is None else axes
+        for n, ess in zip(self.sampler.strands, self.ess, strict=True):
+            axes.plot(np.degrees(self.theta_r), ess, marker="o", label=f"{n:g} strands")
+        axes.set(xlabel="θ_r, degrees", ylabel="ESS", ylim=(0, 1.02), title=f"{self.sampler.lobes} lobes")
+        axes.legend()
+        return axes
+
+    def _repr_html_(self) -> str:
+        title = f"Fit: {self.sampler.lobes} {self.sampler.family} lobes, objective {self.objective}, {self.seconds:.2f} s"
+        header = ("strands", "ESS, mean within 75°", "worst", "worst beyond")
+        return html_table(title, header, [(f"{n:g}", *(number(x, 4) for x in ess)) for n, *ess in self.summary])
 
     def __repr__(self) -> str:
         lines = [f"Fit({self.form}, {self.sampler.lobes} lobes, objective {self.objective}, {self.seconds:.2f} s)"]

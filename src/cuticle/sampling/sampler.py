@@ -255,6 +255,24 @@ class Sampler(Value):
                 total += weight * np.outer(along_theta, along_phi)
         return total
 
+    def plot(self, theta_r: float = 0.0, strands: float | None = None, *, axes: Any = None) -> Any:
+        """Draw the pdf, 1/sr, over all directions toward the light; return the Matplotlib axes.
+
+        Parameters
+        ----------
+        theta_r
+            The viewer's inclination, radians in [-pi/2, pi/2].
+        strands
+            Number of strands. Default: the first that the sampler covers.
+        axes
+            Axes to draw on. Default: those of a new figure.
+        """
+        from cuticle._support.plots import plot_density  # Matplotlib takes a second to import
+
+        tr = validate.number("theta_r", theta_r, -validate.HALF_PI, validate.HALF_PI, remedy=validate.RADIANS)
+        n = self.covers[0] if strands is None else strands
+        return plot_density(lambda theta, phi: self.pdf(theta, tr, phi, n), tr, f"pdf, {n:g} strands", axes)
+
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the sampler to a JSON file; the file is replaced whole, or left as it was."""
         return write_text(path, self.to_json())

@@ -14,7 +14,7 @@ from scipy.interpolate import PchipInterpolator
 from cuticle import _core
 from cuticle._support import validate
 from cuticle._support.values import Value
-from cuticle.scattering.bcsdf import Bcsdf, check_model, is_even
+from cuticle.scattering.bcsdf import Bcsdf, Plotted, check_model, is_even
 from cuticle.scattering.dual_scattering import pass_on
 from cuticle.scattering.registry import classes, first_class
 from cuticle.scattering.tabulated import Tabulated
@@ -41,7 +41,7 @@ class _Averages(NamedTuple):
 
 
 @first_class
-class Strands(Value):
+class Strands(Value, Plotted):
     """Dual scattering for any scattering function: a strand lit directly, or through other strands.
 
     It does for any function what the exact form of `DualScattering` does for a `Fibre`. The fractions scattered forward and

@@ -17,7 +17,7 @@ from cuticle._support.toml_model import TomlModel
 from cuticle._support.values import Value
 from cuticle.scattering import conventions
 from cuticle.scattering.azimuthal import OFFSETS, ROWS, AzimuthalTables, azimuthal_tables, evaluate_core, lobe_mask
-from cuticle.scattering.bcsdf import Sample, luminance_weights
+from cuticle.scattering.bcsdf import Plotted, Sample, luminance_weights
 from cuticle.scattering.fibre import Fibre
 from cuticle.scattering.fibre_tables import FibreTables
 from cuticle.scattering.registry import first_class
@@ -34,7 +34,7 @@ _RANGES: validate.Ranges = {
 
 
 @first_class
-class Chiang(TomlModel):
+class Chiang(TomlModel, Plotted):
     """Far-field scattering of one fibre (Chiang et al. 2016): the near field averaged over the fibre's width.
 
     `near(h)` returns the near field at a known offset.
@@ -208,7 +208,7 @@ class Chiang(TomlModel):
         return _core.Model(*self.half_angle_lobes, self.tables.direct, self.rest, float(self.variance[3]))
 
 
-class ChiangNear(Value):
+class ChiangNear(Value, Plotted):
     """Chiang's near field at a known offset h, with eval, pdf and sample in closed form.
 
     The pdf is proportional to the luminance of f·cos, or with `objective="rgb"` a compromise between channels.

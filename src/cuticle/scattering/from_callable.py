@@ -11,13 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 from cuticle._support import validate
 from cuticle._support.progress import Progress
 from cuticle._support.values import Value
+from cuticle.scattering.bcsdf import Plotted
 from cuticle.scattering.tabulated import Tabulated
 
 GRID = (25, 91, 181)  # viewers, theta_i, phi over a whole turn
 _PROBES = 16
 
 
-class Function(Value):
+class Function(Value, Plotted):
     """A scattering function that calls a deterministic Python function of arrays. Made by `from_callable`.
 
     Parameters

@@ -23,6 +23,7 @@ from cuticle._support.progress import Progress
 from cuticle._support.quadrature import gauss_legendre
 from cuticle._support.values import Value
 from cuticle.scattering import conventions
+from cuticle.scattering.bcsdf import Plotted
 from cuticle.scattering.chiang import PARTS, Chiang, ChiangNear
 from cuticle.scattering.registry import first_class, restores
 from cuticle.scattering.tabulated import Tabulated
@@ -45,7 +46,7 @@ class WeightedSample(NamedTuple):
 
 
 @first_class
-class MitsubaBsdf(Value):
+class MitsubaBsdf(Value, Plotted):
     """A Mitsuba material at one offset h, with eval, pdf and sample in radians. Made by `from_mitsuba`."""
 
     even = False

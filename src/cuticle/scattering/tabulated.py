@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from cuticle._support import validate
 from cuticle._support.files import read_bytes, reading
 from cuticle._support.values import Value
-from cuticle.scattering.bcsdf import luminance
+from cuticle.scattering.bcsdf import Plotted, luminance
 from cuticle.scattering.holes import fill_holes
 from cuticle.scattering.noise import LEAST_SHARE, settle_noise
 from cuticle.scattering.registry import first_class, restores
@@ -35,7 +35,7 @@ _DEGREES = "angles are in radians: give degrees=True, or name the columns theta_
 
 
 @first_class
-class Tabulated(Value):
+class Tabulated(Value, Plotted):
     """A scattering function given as a table over viewers and directions.
 
     f cos(theta_i) is interpolated linearly; unlike f, it is finite at the poles. Between two viewers, both slices are first
