@@ -150,7 +150,8 @@ class Strands(Value, Plotted):
         forward = np.abs(phi) / np.pi  # straight on is phi = pi; light comes spread over half a turn
         spread, rows = [], []
         for viewer in self._viewers:
-            f = np.asarray(self.model.eval(theta[:, None], viewer, phi[None, :]), np.float64) * np.cos(theta)[:, None, None]
+            f = validate.real("what model.eval returns", self.model.eval(theta[:, None], viewer, phi[None, :]))
+            f = f * np.cos(theta)[:, None, None]
             if not np.isfinite(f).all() or (f < 0).any():
                 raise ValueError(
                     f"model.eval must be finite and at least 0, and is not at theta_r {np.degrees(viewer):.4g}°"
