@@ -214,7 +214,7 @@ def _call(
     return answer
 
 
-class _NotReal(TypeError):
+class _NotRealError(TypeError):
     """An answer that was given, and is not made of real numbers: to ask again would not help."""
 
 
@@ -222,19 +222,19 @@ def _real(name: str, answer: Any) -> Array:
     try:
         return validate.real(f"what {name} returns", answer).astype(np.float64)
     except TypeError as error:
-        raise _NotReal(str(error)) from None
+        raise _NotRealError(str(error)) from None
 
 
 def _first_that_works(name: str, together: Callable[[], _T], one_by_one: Callable[[], _T]) -> _T:
     """Return the result for whole arrays, or for single numbers; where neither works, raise ValueError about the first."""
     try:
         return together()
-    except _NotReal:
+    except _NotRealError:
         raise
     except Exception as first:
         try:
             return one_by_one()
-        except _NotReal:
+        except _NotRealError:
             raise
         except Exception:
             raise ValueError(f"{name} raised {type(first).__name__}: {first}") from first
