@@ -87,27 +87,106 @@ def expected(brown: cuticle.Sampler, w_r: np.ndarray, u: tuple[float, float, flo
     return np.array(w_i), p, f
 
 
-def test_pbrt(brown: cuticle.Sampler, tmp_path: Path) -> None:
-    (tmp_path / "pbrt").mkdir()
-    (tmp_path / "pbrt/brown.h").write_text(export(brown, "cpp", frame="pbrt", name="brown", with_model=True).text)
-    (tmp_path / "main.cpp").write_text(
-        f'#include "{ROOT / "tests/hosts/pbrt.h"}"\n{block("pbrt.md", "cpp")}\n#include <cstdio>\n'
+PBRT_HEADERS = (
+    "pbrt.h", "base/bxdf.h", "base/material.h", "base/texture.h", "util/colorspace.h", "util/memory.h", "util/spectrum.h",
+    "util/vecmath.h",
+)  # fmt: skip
+# pbrt's own files, as they are once the printed lines are in them.
+PBRT_FILES = {
+    "bxdfs.h": """namespace pbrt {{
+class DiffuseBxDF {{
+  public:
+    BxDFFlags Flags() const {{ return BxDFFlags::GlossyReflection; }}
+    void Regularize() {{}}
+}};
+class BxDF : public TaggedPointer<DiffuseBxDF{entry}> {{
+  public:
+    using TaggedPointer::TaggedPointer;
+    BxDFFlags Flags() const {{
+        return Dispatch([](auto ptr) {{ return ptr->Flags(); }});
+    }}
+}};
+}}
+""",
+    "materials.h": """namespace pbrt {{
+struct MaterialEvalContext {{}};
+class Material : public TaggedPointer<BrownHairMaterial> {{
+  public:
+    using TaggedPointer::TaggedPointer;
+    auto GetBxDF(MaterialEvalContext ctx, SampledWavelengths &lambda) const {{
+        return Dispatch([&](auto ptr) {{ return ptr->GetBxDF(0, ctx, lambda); }});
+    }}
+}};
+}}
+""",
+}
+
+
+def pbrt_main(folder: Path, sampler: cuticle.Sampler, include: str, entry: str = ", BrownHairBxDF") -> Path:
+    """Write the files that stand for pbrt's, with the include put where `include` says; return the program."""
+    for name in PBRT_HEADERS:
+        file = folder / "pbrt" / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(f'#include "{ROOT / "tests/hosts/pbrt.h"}"\n')
+    (folder / "pbrt/brown.h").write_text(export(sampler, "pbrt", name="brown").text)
+    files = "".join(PBRT_FILES.values()).format(entry=entry)
+    main = folder / "main.cpp"
+    main.write_text(
+        f"#include <pbrt/pbrt.h>\n{include.format(line='#include <pbrt/brown.h>')}\n{files}\n#include <cstdio>\n"
+        "using namespace pbrt;\n"
         "int main() {\n"
-        "    const BrownHairBxDF hair{SampledWavelengths{}};\n"
+        "    Allocator alloc;\n"
+        "    SampledWavelengths lambda;\n"
+        "    const Material material = BrownHairMaterial::Create(alloc);\n"
+        "    BrownHairBxDF hair = material.GetBxDF({}, lambda);\n"
+        "    const auto all = BxDFReflTransFlags::All;\n"
         "    const Vector3f wo(.6f, .48f, .64f);\n"
-        "    const auto s = hair.Sample_f(wo, .3f, {.4f, .6f}, TransportMode::Radiance, BxDFReflTransFlags::All);\n"
+        "    const auto s = hair.Sample_f(wo, .3f, {.4f, .6f}, TransportMode::Radiance, all);\n"
+        "    if (hair.Sample_f(wo, .3f, {.4f, .6f}, TransportMode::Radiance, BxDFReflTransFlags::Transmission)) return 1;\n"
+        "    if (hair.PDF(wo, s->wi, TransportMode::Radiance, BxDFReflTransFlags::Transmission) != 0) return 2;\n"
+        "    if (BxDF(&hair).Flags() != BxDFFlags::GlossyReflection) return 3;\n"
         '    std::printf("%.8g %.8g %.8g %.8g ", s->wi.x, s->wi.y, s->wi.z, s->pdf);\n'
-        '    std::printf("%.8g ", hair.PDF(wo, s->wi, TransportMode::Radiance, BxDFReflTransFlags::All));\n'
-        '    for (float v : s->f.values) std::printf("%.8g ", v * AbsCosTheta(s->wi));\n'
+        '    std::printf("%.8g ", hair.PDF(wo, s->wi, TransportMode::Radiance, all));\n'
+        "    const SampledSpectrum f = hair.f(wo, s->wi, TransportMode::Radiance);\n"
+        '    for (int i = 2; i >= 0; --i) std::printf("%.8g %.8g ", s->f[i] * AbsCosTheta(s->wi), f[i] / s->f[i]);\n'
         "}\n"
     )
-    flags = [*COMPILE, "-Wno-unused-parameter", "-I."]  # as pbrt's own builds have it
+    return main
+
+
+@pytest.mark.parametrize("gpu", [False, True])
+def test_pbrt(brown: cuticle.Sampler, gpu: bool, tmp_path: Path) -> None:
+    pbrt_main(tmp_path, brown, "{line}")
+    flags = [*COMPILE, "-Wno-unused-parameter", "-I.", *(["-DPBRT_IS_GPU_CODE"] if gpu else [])]
     run([compiler(), *flags, "main.cpp", "-o", "main"], tmp_path)
     got = np.array(run(["./main"], tmp_path).split(), float)
     direction, p, f = expected(brown, np.array([0.6, 0.48, 0.64]), (0.3, 0.4, 0.6))
     np.testing.assert_allclose(got[:3], direction, atol=1e-5)
     np.testing.assert_allclose(got[3:5], p, rtol=1e-4)
-    np.testing.assert_allclose(got[5:], f, rtol=0.03)  # thinned tables
+    np.testing.assert_allclose(got[5::2], f, rtol=0.03)  # thinned tables
+    np.testing.assert_allclose(got[6::2], 1, rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("slip", "include", "flags", "entry"),
+    [
+        ("the include within namespace pbrt", "namespace pbrt {{\n{line}\n}}", [], ", BrownHairBxDF"),
+        ("no entry in the tagged pointer", "{line}", [], ""),
+        ("no include before the dispatch", "", [], ", BrownHairBxDF"),
+        ("no forward declarations", "", ["-DPBRT_NOT_DECLARED"], ", BrownHairBxDF"),
+    ],
+)
+def test_a_slip_in_pbrts_files_is_caught(
+    slip: str, include: str, flags: list[str], entry: str, brown: cuticle.Sampler, tmp_path: Path
+) -> None:
+    pbrt_main(tmp_path, brown, include, entry)
+    built = [compiler(), "-std=c++17", "-fsyntax-only", "-I.", *flags, "main.cpp"]
+    assert subprocess.run(built, cwd=tmp_path, capture_output=True, check=False).returncode != 0, slip
+
+
+def test_pbrts_page_shows_the_lines_that_the_command_prints(brown: cuticle.Sampler) -> None:
+    page = (ROOT / "examples/pbrt.md").read_text(encoding="utf-8")
+    assert export(brown, "pbrt", name="brown").remarks.split("\n\n", 1)[1].strip() in page
 
 
 def test_cycles(brown: cuticle.Sampler, tmp_path: Path) -> None:

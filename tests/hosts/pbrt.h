@@ -1,15 +1,23 @@
-// The few types of pbrt-v4 that examples/pbrt.md meets, so that its code compiles where pbrt is not.
+// What of pbrt-v4 an exported header meets, laid out as there: its files' guards, namespaces, forward declarations, tagged
+// pointers over incomplete classes, four wavelengths, flags, and the dispatch that needs whole classes. Compile with -I of
+// a folder whose `pbrt/` holds forwarding files (tests/test_examples.py), and define PBRT_EXPORT as the header to include.
 #pragma once
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <optional>
 #include <string>
+#include <tuple>
+#include <type_traits>
 
 #define PBRT_CPU_GPU
-using Float = float;
 namespace pstd {
 using std::optional;
 }
+namespace pbrt {
+using Float = float;
+constexpr int NSpectrumSamples = 4;
+
 struct Vector3f {
     Float x = 0, y = 0, z = 0;
     Vector3f() = default;
@@ -20,41 +28,110 @@ struct Point2f {
     Float operator[](int i) const { return i ? y : x; }
 };
 inline Float AbsCosTheta(Vector3f w) { return std::abs(w.z); }
-enum class TransportMode { Radiance, Importance };
-enum class BxDFReflTransFlags { All };
-enum class BxDFFlags { GlossyReflection };
-struct SampledWavelengths {};
-struct SampledSpectrum {
-    std::array<Float, 3> values{};
+struct Frame {
+    Vector3f x, y, z;
+};
+
+class SampledWavelengths {
+  public:
+    Float operator[](int i) const { return 400 + 100 * Float(i); }
+};
+class SampledSpectrum {
+  public:
     explicit SampledSpectrum(Float v) { values.fill(v); }
+    Float operator[](int i) const { return values[size_t(i)]; }
+    Float &operator[](int i) { return values[size_t(i)]; }
     SampledSpectrum operator/(Float d) const {
         SampledSpectrum s = *this;
         for (Float &v : s.values) v /= d;
         return s;
     }
+
+  private:
+    std::array<Float, NSpectrumSamples> values{};
 };
-struct RGB {
-    Float r, g, b;
+class RGB {
+  public:
     RGB(Float r_, Float g_, Float b_) : r(r_), g(g_), b(b_) {}
+    Float r, g, b;
 };
-struct RGBColorSpace {
+class RGBColorSpace {
+  public:
+#ifndef PBRT_IS_GPU_CODE  // device code cannot read a host's static member
     static const RGBColorSpace *sRGB;
+#endif
 };
-inline const RGBColorSpace own_space{};
+inline RGBColorSpace own_space{};
+#ifdef PBRT_IS_GPU_CODE
+inline RGBColorSpace *RGBColorSpace_sRGB = &own_space;
+#else
 inline const RGBColorSpace *RGBColorSpace::sRGB = &own_space;
-struct RGBUnboundedSpectrum {
-    RGB rgb;
+#endif
+class RGBUnboundedSpectrum {
+  public:
     RGBUnboundedSpectrum(const RGBColorSpace &, RGB c) : rgb(c) {}
-    SampledSpectrum Sample(const SampledWavelengths &) const {
+    SampledSpectrum Sample(const SampledWavelengths &lambda) const {  // blue, green, red, and red again
         SampledSpectrum s(0);
-        s.values = {rgb.r, rgb.g, rgb.b};
+        for (int i = 0; i < NSpectrumSamples; ++i) s[i] = lambda[i] < 450 ? rgb.b : lambda[i] < 550 ? rgb.g : rgb.r;
         return s;
     }
+
+  private:
+    RGB rgb;
 };
+
+enum class TransportMode { Radiance, Importance };
+enum class BxDFReflTransFlags { Unset = 0, Reflection = 1, Transmission = 2, All = 3 };
+inline int operator&(BxDFReflTransFlags a, BxDFReflTransFlags b) { return int(a) & int(b); }
+enum BxDFFlags { Reflection = 1, Transmission = 2, Diffuse = 4, Glossy = 8, GlossyReflection = Glossy | Reflection };
 struct BSDFSample {
+    BSDFSample(SampledSpectrum f_, Vector3f w, Float p, BxDFFlags g, Float e = 1, bool proportional = false)
+        : f(f_), wi(w), pdf(p), flags(g), eta(e), pdfIsProportional(proportional) {}
     SampledSpectrum f;
     Vector3f wi;
     Float pdf;
     BxDFFlags flags;
-    BSDFSample(SampledSpectrum f_, Vector3f w, Float p, BxDFFlags g) : f(f_), wi(w), pdf(p), flags(g) {}
+    Float eta;
+    bool pdfIsProportional;
 };
+
+template <class... Ts> class TaggedPointer {
+  public:
+    TaggedPointer() = default;
+    template <class T> TaggedPointer(T *p) : pointer(p), tag(Index<T>()) {}
+    template <class T> static constexpr int Index() {
+        static_assert((std::is_same_v<T, Ts> || ...), "the class is not among the tagged pointer's types");
+        int i = 0;
+        static_cast<void>(((std::is_same_v<T, Ts> || (++i, false)) || ...));
+        return i;
+    }
+    template <class F> auto Dispatch(F f) const {
+        return Next<F, Ts...>(f, 0);
+    }
+
+  private:
+    template <class F, class T, class... Rest> auto Next(F f, int i) const {
+        if constexpr (sizeof...(Rest) > 0)
+            return i == tag ? f(static_cast<T *>(pointer)) : Next<F, Rest...>(f, i + 1);
+        else
+            return f(static_cast<T *>(pointer));
+    }
+    void *pointer = nullptr;
+    int tag = 0;
+};
+
+class FloatTexture {
+  public:
+    FloatTexture(std::nullptr_t) {}
+};
+class Image;
+struct MaterialEvalContext;
+struct Allocator {
+    template <class T> T *new_object() { return new T(); }
+};
+
+#ifndef PBRT_NOT_DECLARED
+class BrownHairBxDF;
+class BrownHairMaterial;
+#endif
+}  // namespace pbrt

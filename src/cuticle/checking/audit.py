@@ -26,7 +26,7 @@ LEVEL = 1e-4
 _NOTED = 1e-3  # share of samples, or of the pdf, from which on a note says so
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Audit(Judged):
     """The result of an audit."""
 

@@ -26,7 +26,7 @@ _WIDER, _SCALED = 1.05, 1.01
 _WEIGHED = 100_000  # samples whose weight and pdf are evaluated
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Report(Judged):
     """The result of a check."""
 

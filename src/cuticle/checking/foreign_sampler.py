@@ -72,7 +72,7 @@ class ForeignSampler:
             return self.density(theta, theta_r, phi), None
         if self.eval_pdf is not None:
             f, p = self.eval_pdf(theta, theta_r, phi)
-            return np.asarray(p, np.float64), np.asarray(f, np.float64) * np.cos(theta)[:, None]
+            return _real("eval_pdf", p), _real("eval_pdf", f) * np.cos(theta)[:, None]
         f = _call("eval", self.eval, theta, theta_r, phi, channels=True)
         return self.density(theta, theta_r, phi), f * np.cos(theta)[:, None]
 
@@ -83,7 +83,7 @@ class ForeignSampler:
 
         def shares(t: Array, p: Array) -> Array:
             tt, pp = (x.ravel() for x in np.meshgrid(0.5 * (t[:-1] + t[1:]), 0.5 * (p[:-1] + p[1:]), indexing="ij"))
-            density = np.asarray(self.lobe_densities(tt, theta_r, pp), np.float64)  # type: ignore[misc]
+            density = _real("lobes", self.lobe_densities(tt, theta_r, pp))  # type: ignore[misc]
             return (density * np.cos(tt)) @ np.outer(np.diff(t), np.diff(p)).ravel()
 
         whole = shares(theta, phi)
@@ -173,14 +173,14 @@ def _lobe_densities(sampler: Sampler, strands: float, theta_i: Any, theta_r: flo
 
 def _columns(sample: Callable[..., Any], theta_r: float, u: Array) -> list[Array]:
     def together() -> list[Array]:
-        columns = [np.asarray(c, np.float64) for c in sample(theta_r, u)]
+        columns = [_real("sample", c) for c in sample(theta_r, u)]
         if any(c.shape[:1] != (len(u),) for c in columns):
             raise ValueError(f"it returned shapes {', '.join(str(c.shape) for c in columns)}")
         return columns
 
     def one_by_one() -> list[Array]:
         rows = [tuple(sample(theta_r, row)) for row in u]
-        return [np.array(c, np.float64) for c in zip(*rows, strict=True)]
+        return [_real("sample", c) for c in zip(*rows, strict=True)]
 
     columns = _first_that_works(f"sample(theta_r, u), for u of shape {u.shape},", together, one_by_one)
     if not 2 <= len(columns) <= 4 or any(c.shape != (len(u),) for c in columns[:3]):
@@ -199,8 +199,8 @@ def _call(
 ) -> Array:
     answer = _first_that_works(
         f"{name}(theta_i, theta_r, phi)",
-        lambda: np.asarray(function(theta, theta_r, phi), np.float64),
-        lambda: np.array([function(float(t), theta_r, float(p)) for t, p in zip(theta, phi, strict=True)], np.float64),
+        lambda: _real(name, function(theta, theta_r, phi)),
+        lambda: _real(name, [function(float(t), theta_r, float(p)) for t, p in zip(theta, phi, strict=True)]),
     )
     if answer.ndim == 0:  # a constant
         answer = np.full(len(theta), float(answer))
@@ -214,12 +214,27 @@ def _call(
     return answer
 
 
+class _NotRealError(TypeError):
+    """An answer that was given, and is not made of real numbers: to ask again would not help."""
+
+
+def _real(name: str, answer: Any) -> Array:
+    try:
+        return validate.real(f"what {name} returns", answer).astype(np.float64)
+    except TypeError as error:
+        raise _NotRealError(str(error)) from None
+
+
 def _first_that_works(name: str, together: Callable[[], _T], one_by_one: Callable[[], _T]) -> _T:
     """Return the result for whole arrays, or for single numbers; where neither works, raise ValueError about the first."""
     try:
         return together()
+    except _NotRealError:
+        raise
     except Exception as first:
         try:
             return one_by_one()
+        except _NotRealError:
+            raise
         except Exception:
             raise ValueError(f"{name} raised {type(first).__name__}: {first}") from first

@@ -33,7 +33,7 @@ _GROUPS = 12  # bands of patches
 _HELP = "it needs direction (n, 3) and pdf (n,), and may have weight (n,) or (n, channels), and viewer (n,)"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Dump(Judged):
     """The result of the audit of a file of samples."""
 

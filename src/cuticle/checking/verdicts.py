@@ -10,7 +10,8 @@ from typing import Any, ClassVar, Literal, NamedTuple, TypeVar
 
 from scipy.special import ndtri
 
-from cuticle._support.plain_values import plain
+from cuticle._support.plain_values import html_table, plain
+from cuticle._support.values import Value
 from cuticle.checking.measurements import Measurement
 
 LIMITS: Any = {"samples": (10_000, 100_000_000), "level": (1e-9, 0.5), "seed": (0, 2**63 - 1)}
@@ -42,7 +43,7 @@ class Verdict:
         return "pass" if self.passed else "inconclusive" if self.undecided else "fail"
 
 
-class Judged:
+class Judged(Value):
     """A result with verdicts: whether all hold, its values for JSON, and a summary in words."""
 
     verdicts: tuple[Verdict, ...]
@@ -69,6 +70,12 @@ class Judged:
     def to_json(self) -> str:
         """Return `to_dict()` as JSON text."""
         return json.dumps(self.to_dict(), indent=2, allow_nan=False) + "\n"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (v.name, v.outcome, f"{v.value:.4g}", f"{v.limit:.4g}", v.undecided or v.where) for v in self.verdicts
+        ]  # fmt: skip
+        return html_table(f"{type(self).__name__}: {self.outcome}", ("claim", "outcome", "value", "limit", "where"), rows)
 
     def _summary(self, about: str) -> str:
         words = {"pass": "ok", "fail": "FAILED", "inconclusive": "inconclusive"}

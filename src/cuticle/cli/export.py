@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from cuticle._support import validate
-from cuticle._support.files import check_file, read_text, write_bytes
+from cuticle._support.files import check_file, make_directory, read_text, write_bytes
 from cuticle.cli.terminal import STANDARD_OUTPUT, check_output, err, out, progress_bar, refuse_idle, write_output
 from cuticle.export import HOSTS, MAX_TABLE, amalgamate, check_frame, check_name, export
 from cuticle.export.frames import DEFAULT_FRAME, FRAMES
@@ -53,6 +53,8 @@ def command(
         raise ValueError("give a sampler with --to HOST, or --amalgamate without a sampler")
     if amalgamated:
         refuse_idle(ctx, "with --amalgamate, which writes the headers alone", "to", "frame", "name", "with_model", "model")
+    if to == "pbrt" and output.suffix != ".h":  # the folder, such as src/pbrt
+        output = make_directory(output) / f"{name or 'fibre'}.h"
     check_output(output)
     tell = err if output == STANDARD_OUTPUT else out
     if amalgamated or sampler is None:
@@ -104,6 +106,8 @@ def command(
             f"the scattering function's tables: {made.model.size:,} bytes, within {100 * made.model.error:.2g} % of ∫ f cos",
             soft_wrap=True,
         )
+    if made.remarks:
+        tell.print(made.remarks, soft_wrap=True, markup=False, highlight=False)
 
 
 def _name_of(output: Path, to: str) -> str:

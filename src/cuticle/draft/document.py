@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cuticle._support.files import make_directory, write_bytes, write_text
+from cuticle._support.plain_values import html_table
 from cuticle._support.progress import Progress
 from cuticle.draft import claims as judge
 from cuticle.draft.as_values import as_values
@@ -47,6 +48,10 @@ class Document(Findings):
                 lines.append(f"  {name} = {choice.best.text()}")
         lines += [f"  {c.verdict}: {c.quote}" for c in self.claims]
         return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        title = f"Document: {self.name or repr(self.model)}"
+        return html_table(title, ("verdict", "the draft's sentence"), [(c.verdict, c.quote) for c in self.claims])
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain values, ours and the printed: angles in degrees, deviations in radians."""

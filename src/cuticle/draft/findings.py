@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from cuticle._support.values import Value
 from cuticle.draft.claims import Claim
 from cuticle.draft.functions import Choice, Found
 from cuticle.draft.printed import Printed
@@ -29,7 +30,7 @@ class Mixing:
 
 
 @dataclass(frozen=True, eq=False)
-class Findings:
+class Findings(Value):
     """The draft description, recomputed and completed for one fibre.
 
     Attributes

@@ -33,12 +33,15 @@ class Export:
         Size of the lobe table in it.
     model
         The scattering function's tables, where they are in it.
+    remarks
+        What the host's own files need beside it, for the user to read.
     """
 
     text: str
     table_bytes: int
     data: bytes = b""
     model: Tables | None = None
+    remarks: str = ""
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+import json
+import os
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict
 
+from cuticle._support.files import read_text, reading, write_text
+from cuticle._support.json_file import parse
+from cuticle._support.plain_values import html_table, number
+from cuticle._support.values import Value
 from cuticle.sampling.sampler import Sampler
+
+FORMAT_VERSION = 1
+_MEASURED = ("ess", "ess_channels", "largest_weight", "total_variation")
 
 
 class Candidate(NamedTuple):
@@ -20,8 +31,28 @@ class Candidate(NamedTuple):
     efficiency: float
 
 
+class FitFile(BaseModel):
+    """What a fit's JSON file holds, version 1: the attributes of `Fit`, the sampler as its own file has it."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+    format: Literal["cuticle-fit"] = "cuticle-fit"
+    version: int = FORMAT_VERSION
+    sampler: dict[str, Any]
+    theta_r: list[float]
+    ess: list[list[float]]
+    ess_channels: list[list[list[float]]]
+    largest_weight: list[list[float]]
+    total_variation: list[list[float]]
+    seconds: float
+    form: str
+    objective: str
+    candidates: list[Candidate] = []
+    families: dict[str, float] = {}
+
+
 @dataclass(frozen=True, eq=False)
-class Fit:
+class Fit(Value):
     """A fitted sampler and how good it is.
 
     Attributes
@@ -52,11 +83,50 @@ class Fit:
     ess_channels: NDArray[np.float64]
     largest_weight: NDArray[np.float64]
     total_variation: NDArray[np.float64]
-    seconds: float
+    seconds: float = field(compare=False)
     form: str
     objective: str
     candidates: tuple[Candidate, ...] = field(default=())
     families: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in ("theta_r", *_MEASURED):
+            value = np.array(getattr(self, name), np.float64)
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+        shape = len(self.sampler.strands), len(self.theta_r)
+        for name in _MEASURED:
+            found = getattr(self, name).shape
+            if found[:2] != shape or len(found) != 2 + (name == "ess_channels"):
+                raise ValueError(f"{name} must have shape {shape}{' plus channels' * (name == 'ess_channels')}, got {found}")
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the fit to a JSON file, whole or not at all; `load` reads an equal one.
+
+        The file holds the sampler, and with it the record of the scattering function.
+        """
+        values = {name: getattr(self, name).tolist() for name in ("theta_r", *_MEASURED)}
+        file = FitFile(
+            sampler=json.loads(self.sampler.to_json()), seconds=self.seconds, form=self.form, objective=self.objective,
+            candidates=list(self.candidates), families=self.families, **values,
+        )  # fmt: skip
+        return write_text(path, json.dumps(file.model_dump(), allow_nan=False) + "\n")
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Fit:
+        """Read a fit that `save` wrote, or raise ValueError with the reason."""
+        source = str(path)
+        with reading(source, "fit"):
+            file = parse(read_text(path, "fit"), FitFile, what="fit", version=FORMAT_VERSION, source=source)
+            values = {name: getattr(file, name) for name in FitFile.model_fields if name not in ("format", "version")}
+            values |= {
+                "sampler": Sampler.from_json(json.dumps(file.sampler), source=source),
+                "candidates": tuple(file.candidates),
+            }
+            try:
+                return cls(**values)
+            except ValueError as error:
+                raise ValueError(f"{source} is refused: {error}") from None
 
     @property
     def summary(self) -> list[tuple[float, float, float, float]]:
@@ -66,6 +136,25 @@ class Fit:
             (n, float(e[inner].mean()), float(e[inner].min()), float(e[~inner].min(initial=1.0)))
             for n, e in zip(self.sampler.strands, self.ess, strict=True)
         ]
+
+    def plot(self, *, axes: Any = None) -> Any:
+        """Draw the ESS over the viewer's inclination, a line a strand count; return the Matplotlib axes.
+
+        `axes` are those to draw on; default: those of a new figure. `fit.sampler.plot` draws the density.
+        """
+        from cuticle._support.plots import new_axes  # Matplotlib takes a second to import
+
+        axes = new_axes() if axes is None else axes
+        for n, ess in zip(self.sampler.strands, self.ess, strict=True):
+            axes.plot(np.degrees(self.theta_r), ess, marker="o", label=f"{n:g} strands")
+        axes.set(xlabel="θ_r, degrees", ylabel="ESS", ylim=(0, 1.02), title=f"{self.sampler.lobes} lobes")
+        axes.legend()
+        return axes
+
+    def _repr_html_(self) -> str:
+        title = f"Fit: {self.sampler.lobes} {self.sampler.family} lobes, objective {self.objective}, {self.seconds:.2f} s"
+        header = ("strands", "ESS, mean within 75°", "worst", "worst beyond")
+        return html_table(title, header, [(f"{n:g}", *(number(x, 4) for x in ess)) for n, *ess in self.summary])
 
     def __repr__(self) -> str:
         lines = [f"Fit({self.form}, {self.sampler.lobes} lobes, objective {self.objective}, {self.seconds:.2f} s)"]

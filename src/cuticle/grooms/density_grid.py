@@ -10,13 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from cuticle import _core
 from cuticle._support import validate
+from cuticle._support.values import Value
 from cuticle.grooms.groom import Groom
 
 MAX_RESOLUTION = 512
 
 
 @dataclass(frozen=True, eq=False)
-class DensityGrid:
+class DensityGrid(Value):
     """Hair density and direction per cell, to count the strands along a ray without tracing them.
 
     Attributes

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from cuticle._support import validate
 from cuticle._support.files import reading, write_text
+from cuticle._support.values import Value
 from cuticle.grooms import splines
 
 __all__ = ["Groom", "join_grooms", "read_groom"]
@@ -23,7 +24,7 @@ _CLOSEST = 1e-18  # the square of a shorter step is 0 in single precision, and s
 
 
 @dataclass(frozen=True, eq=False)
-class Groom:
+class Groom(Value):
     """Strands of hair, each a row of points from root to tip with a radius at every point.
 
     The points lie on the strand, at the knots of a uniform cubic spline: that curve, through every point, is what is
@@ -61,8 +62,11 @@ class Groom:
     bend: NDArray[np.float32] = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
-        points = np.array(self.points, np.float32)
-        offsets = np.array(self.offsets, np.int64)
+        points = np.array(validate.real("points", self.points), np.float32)
+        offsets = validate.real("offsets", self.offsets)
+        if offsets.dtype.kind == "f":
+            raise TypeError(f"offsets must be whole numbers, got an array of {offsets.dtype}")
+        offsets = np.array(offsets, np.int64)
         if points.ndim != 2 or points.shape[1] != 3:
             raise ValueError(f"points must have shape (N, 3), got {points.shape}")
         if offsets.ndim != 1 or len(offsets) < 2 or offsets[0] != 0 or offsets[-1] != len(points):
@@ -70,10 +74,14 @@ class Groom:
         if (np.diff(offsets) < 2).any():
             short = int(np.argmax(np.diff(offsets) < 2))
             raise ValueError(f"a strand must have at least 2 points, strand {short} has {int(np.diff(offsets)[short])}")
-        radius = np.array(np.broadcast_to(np.asarray(self.radius, np.float32), len(points)))
+        radius = np.array(np.broadcast_to(validate.real("radius", self.radius).astype(np.float32), len(points)))
         _check_points(points)
         strands = len(offsets) - 1
-        bend = np.zeros((strands, 2, 4), np.float32) if self.bend is None else np.array(self.bend, np.float32)
+        bend = (
+            np.zeros((strands, 2, 4), np.float32)
+            if self.bend is None
+            else np.array(validate.real("bend", self.bend), np.float32)
+        )
         if bend.shape != (strands, 2, 4) or not (np.abs(bend) <= 4 * FARTHEST).all():
             raise ValueError(f"bend must be finite numbers of shape ({strands}, 2, 4), got shape {bend.shape}")
         _check_radius(radius)

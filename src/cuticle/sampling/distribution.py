@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cuticle._support import validate
+from cuticle._support.values import Value
 from cuticle.scattering.bcsdf import Bcsdf, evaluate, luminance
 
 
@@ -21,7 +22,7 @@ class Peak(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Distribution:
+class Distribution(Value):
     """f·cos(theta_i) for one viewer, at the centres of a grid of cells.
 
     Attributes

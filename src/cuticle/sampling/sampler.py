@@ -12,16 +12,17 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 
 from cuticle._support import validate
 from cuticle._support.files import read_text, reading, write_text
+from cuticle._support.json_file import parse
+from cuticle._support.values import Value
 from cuticle.sampling.families import FAMILIES, NORMAL, core_table, padded
 from cuticle.sampling.lobe_table import PARAMETERS, check_table
 from cuticle.scattering.bcsdf import Sample
 from cuticle.scattering.fibre import Fibre
 
-FORMAT = "cuticle-sampler"
 FORMAT_VERSION = 1
 
 
@@ -57,7 +58,7 @@ class SamplerFile(BaseModel):
 
 
 @dataclass(frozen=True, eq=False)
-class Sampler:
+class Sampler(Value):
     """Samples directions toward the light for a given viewer, and returns their density.
 
     The density is a mixture of K lobes: a density in theta_i truncated to [-pi/2, pi/2], times one in phi. Lobe parameters
@@ -254,6 +255,24 @@ class Sampler:
                 total += weight * np.outer(along_theta, along_phi)
         return total
 
+    def plot(self, theta_r: float = 0.0, strands: float | None = None, *, axes: Any = None) -> Any:
+        """Draw the pdf, 1/sr, over all directions toward the light; return the Matplotlib axes.
+
+        Parameters
+        ----------
+        theta_r
+            The viewer's inclination, radians in [-pi/2, pi/2].
+        strands
+            Number of strands. Default: the first that the sampler covers.
+        axes
+            Axes to draw on. Default: those of a new figure.
+        """
+        from cuticle._support.plots import plot_density  # Matplotlib takes a second to import
+
+        tr = validate.number("theta_r", theta_r, -validate.HALF_PI, validate.HALF_PI, remedy=validate.RADIANS)
+        n = self.covers[0] if strands is None else strands
+        return plot_density(lambda theta, phi: self.pdf(theta, tr, phi, n), tr, f"pdf, {n:g} strands", axes)
+
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the sampler to a JSON file; the file is replaced whole, or left as it was."""
         return write_text(path, self.to_json())
@@ -287,29 +306,7 @@ class Sampler:
 
     @classmethod
     def _parsed(cls, text: str, source: str) -> Sampler:
-        try:
-            data = json.loads(text, parse_constant=_refuse_constant)
-        except json.JSONDecodeError as error:
-            at_end = error.pos >= len(text.rstrip()) - 1
-            reason = "it ends early (truncated?)" if at_end else f"{error.msg} at line {error.lineno} column {error.colno}"
-            raise ValueError(f"{source} is not a sampler: {reason}") from None
-        except ValueError as error:
-            raise ValueError(f"{source} is refused: {error}") from None
-        if not isinstance(data, dict) or data.get("format") != FORMAT:
-            raise ValueError(f'{source} is not a sampler: its "format" is not "{FORMAT}"')
-        version = data.get("version")
-        if not isinstance(version, int) or isinstance(version, bool) or version < 1:
-            raise ValueError(f"{source} is refused: its version is {version!r}, not a whole number from 1 on")
-        if version > FORMAT_VERSION:
-            raise ValueError(
-                f"{source} is refused: it has format version {version}, newer than {FORMAT_VERSION}; upgrade cuticle"
-            )
-        try:
-            file = SamplerFile.model_validate(data)
-        except ValidationError as error:
-            first = error.errors()[0]
-            place = ".".join(str(p) for p in first["loc"])
-            raise ValueError(f"{source} is refused: {place}: {first['msg']}") from None
+        file = parse(text, SamplerFile, what="sampler", version=FORMAT_VERSION, source=source)
         if tuple(file.parameters) != PARAMETERS:
             raise ValueError(f"{source} is refused: parameters must be {list(PARAMETERS)}, got {list(file.parameters)}")
         try:
@@ -368,7 +365,3 @@ class Sampler:
     @property
     def _blends(self) -> bool:
         return len(self.strands) > 1 and self.strands[0] == 0
-
-
-def _refuse_constant(name: str) -> None:
-    raise ValueError(f"it holds {name}, which is not a number a table can have")

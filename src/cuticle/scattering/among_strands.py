@@ -13,7 +13,8 @@ from scipy.interpolate import PchipInterpolator
 
 from cuticle import _core
 from cuticle._support import validate
-from cuticle.scattering.bcsdf import Bcsdf, check_model, is_even
+from cuticle._support.values import Value
+from cuticle.scattering.bcsdf import Bcsdf, Plotted, check_model, is_even
 from cuticle.scattering.dual_scattering import pass_on
 from cuticle.scattering.registry import classes, first_class
 from cuticle.scattering.tabulated import Tabulated
@@ -40,7 +41,7 @@ class _Averages(NamedTuple):
 
 
 @first_class
-class Strands:
+class Strands(Value, Plotted):
     """Dual scattering for any scattering function: a strand lit directly, or through other strands.
 
     It does for any function what the exact form of `DualScattering` does for a `Fibre`. The fractions scattered forward and
@@ -79,7 +80,6 @@ class Strands:
         self.d_f = validate.number("d_f", d_f, 0, 1, above=True)
         self.d_b = validate.number("d_b", d_b, 0, 1)
         self.even = is_even(model)
-        self._shared: dict[str, Any] = {}
 
     def __repr__(self) -> str:
         return f"Strands({self.model!r}, {self.strands:g}, d_f={self.d_f:g}, d_b={self.d_b:g})"
@@ -123,6 +123,11 @@ class Strands:
         return f
 
     @cached_property
+    def _shared(self) -> dict[str, Any]:
+        """The tables, for all numbers of strands."""
+        return {}
+
+    @cached_property
     def _viewers(self) -> Array:
         return np.linspace(-np.pi / 2, np.pi / 2, VIEWERS) * _LIMIT
 
@@ -145,7 +150,8 @@ class Strands:
         forward = np.abs(phi) / np.pi  # straight on is phi = pi; light comes spread over half a turn
         spread, rows = [], []
         for viewer in self._viewers:
-            f = np.asarray(self.model.eval(theta[:, None], viewer, phi[None, :]), np.float64) * np.cos(theta)[:, None, None]
+            f = validate.real("what model.eval returns", self.model.eval(theta[:, None], viewer, phi[None, :]))
+            f = f * np.cos(theta)[:, None, None]
             if not np.isfinite(f).all() or (f < 0).any():
                 raise ValueError(
                     f"model.eval must be finite and at least 0, and is not at theta_r {np.degrees(viewer):.4g}°"

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from cuticle._support import validate
 
 REC709 = (0.2126, 0.7152, 0.0722)
 
@@ -28,6 +30,29 @@ class Bcsdf(Protocol):
     def eval(self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike) -> NDArray[np.float64]:
         """Return f in 1/sr, without a cosine. Angles are radians, arrays broadcast, the last axis holds the channels."""
         ...
+
+
+class Plotted:
+    """A scattering function that draws itself."""
+
+    def plot(self, theta_r: float = 0.0, *, axes: Any = None) -> Any:
+        """Draw the luminance of f·cos(theta_i), 1/sr, over all directions toward the light; return the Matplotlib axes.
+
+        Parameters
+        ----------
+        theta_r
+            The viewer's inclination, radians in [-pi/2, pi/2].
+        axes
+            Axes to draw on. Default: those of a new figure.
+        """
+        from cuticle._support.plots import plot_density  # Matplotlib takes a second to import
+
+        tr = validate.number("theta_r", theta_r, -validate.HALF_PI, validate.HALF_PI, remedy=validate.RADIANS)
+
+        def f_cos(theta_i: NDArray, phi: NDArray) -> NDArray:
+            return luminance(evaluate(cast(Bcsdf, self), theta_i[:, 0], tr, phi[0]))
+
+        return plot_density(f_cos, tr, "f·cos θ_i", axes)
 
 
 def is_even(model: object) -> bool:
@@ -53,7 +78,7 @@ def with_strands(model: Any, strands: float) -> Any:
 
 def evaluate(model: Bcsdf, theta_i: NDArray, theta_r: float, phi: NDArray) -> NDArray[np.float64]:
     """Return f·cos(theta_i) on the product of two axes, shape (A, B, channels); raise ValueError for NaN or f < 0."""
-    f = np.asarray(model.eval(theta_i[:, None], theta_r, phi[None, :]), np.float64)
+    f = validate.real("what model.eval returns", model.eval(theta_i[:, None], theta_r, phi[None, :])).astype(np.float64)
     shape = (len(theta_i), len(phi))
     if f.ndim != 3 or f.shape[:2] != shape:
         raise ValueError(

@@ -14,9 +14,10 @@ from pydantic import ConfigDict
 from cuticle import _core
 from cuticle._support import validate
 from cuticle._support.toml_model import TomlModel
+from cuticle._support.values import Value
 from cuticle.scattering import conventions
 from cuticle.scattering.azimuthal import OFFSETS, ROWS, AzimuthalTables, azimuthal_tables, evaluate_core, lobe_mask
-from cuticle.scattering.bcsdf import Sample, luminance_weights
+from cuticle.scattering.bcsdf import Plotted, Sample, luminance_weights
 from cuticle.scattering.fibre import Fibre
 from cuticle.scattering.fibre_tables import FibreTables
 from cuticle.scattering.registry import first_class
@@ -33,7 +34,7 @@ _RANGES: validate.Ranges = {
 
 
 @first_class
-class Chiang(TomlModel):
+class Chiang(TomlModel, Plotted):
     """Far-field scattering of one fibre (Chiang et al. 2016): the near field averaged over the fibre's width.
 
     `near(h)` returns the near field at a known offset.
@@ -207,7 +208,7 @@ class Chiang(TomlModel):
         return _core.Model(*self.half_angle_lobes, self.tables.direct, self.rest, float(self.variance[3]))
 
 
-class ChiangNear:
+class ChiangNear(Value, Plotted):
     """Chiang's near field at a known offset h, with eval, pdf and sample in closed form.
 
     The pdf is proportional to the luminance of f·cos, or with `objective="rgb"` a compromise between channels.
@@ -230,10 +231,13 @@ class ChiangNear:
         self.model = model
         self.objective = validate.choice("objective", objective, ("luminance", "rgb"))
         self.h = validate.array("h", h, -1, 1, np.float64, remedy="h runs over the fibre's width, 0 is its middle")
-        luminance = luminance_weights(model.channels) if objective == "luminance" else np.empty(0)
-        self._core = _core.ChiangNear(
-            model.eta, model.scale, model.variance, model.tilt, np.array(model.absorption), luminance
-        )
+        self._core  # noqa: B018 - a refusal comes now
+
+    @cached_property
+    def _core(self) -> _core.ChiangNear:
+        m = self.model
+        luminance = luminance_weights(m.channels) if self.objective == "luminance" else np.empty(0)
+        return _core.ChiangNear(m.eta, m.scale, m.variance, m.tilt, np.array(m.absorption), luminance)
 
     def __repr__(self) -> str:
         h = f"{float(self.h):g}" if self.h.ndim == 0 else f"array of shape {self.h.shape}"

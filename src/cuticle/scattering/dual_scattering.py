@@ -12,7 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from cuticle import _core
 from cuticle._support import validate
+from cuticle._support.values import Value
 from cuticle.scattering.azimuthal import evaluate_core, lobe_mask
+from cuticle.scattering.bcsdf import Plotted
 from cuticle.scattering.fibre import LOBES, Fibre
 from cuticle.scattering.fibre_tables import AVERAGE_LIMIT, FibreTables
 from cuticle.scattering.marschner import LONGITUDINAL_OF, Marschner, check_fibre
@@ -59,8 +61,8 @@ def pass_on(a_f: NDArray[np.float64], a_b: NDArray[np.float64], back_energy: NDA
 
 
 @first_class
-@dataclass(frozen=True)
-class DualScattering:
+@dataclass(frozen=True, eq=False)
+class DualScattering(Value, Plotted):
     """Dual scattering: a fibre lit directly, or through other strands (Zinke et al. 2008).
 
     With 0 strands, f is the fibre's own scattering plus the backscatter of the strands behind. Through n > 0 strands, light

@@ -10,13 +10,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from cuticle._support import validate
 from cuticle._support.progress import Progress
+from cuticle._support.values import Value
+from cuticle.scattering.bcsdf import Plotted
 from cuticle.scattering.tabulated import Tabulated
 
 GRID = (25, 91, 181)  # viewers, theta_i, phi over a whole turn
 _PROBES = 16
 
 
-class Function:
+class Function(Value, Plotted):
     """A scattering function that calls a deterministic Python function of arrays. Made by `from_callable`.
 
     Parameters
@@ -169,9 +171,10 @@ def _takes_arrays(function: Callable[..., Any], *probe: NDArray) -> bool:
 
 def _call(function: Callable[..., Any], ti: NDArray, tr: NDArray, ph: NDArray) -> NDArray[np.float64]:
     try:
-        f = np.asarray(function(ti, tr, ph), np.float64)
+        answer = function(ti, tr, ph)
     except Exception as error:
         raise ValueError(f"{_name(function)}(theta_i, theta_r, phi) raised {type(error).__name__}: {error}") from error
+    f = validate.real(f"what {_name(function)} returns", answer).astype(np.float64)
     if f.shape == ti.shape:
         return f[..., None]
     if f.shape[:-1] != ti.shape or not 1 <= f.shape[-1] <= 32:
@@ -184,9 +187,10 @@ def _call(function: Callable[..., Any], ti: NDArray, tr: NDArray, ph: NDArray) -
 def _one(function: Callable[..., Any], ti: float, tr: float, ph: float) -> NDArray[np.float64]:
     where = f"at theta_i {ti:.4g}, theta_r {tr:.4g}, phi {ph:.4g}"
     try:
-        f = np.atleast_1d(np.asarray(function(ti, tr, ph), np.float64))
+        answer = function(ti, tr, ph)
     except Exception as error:
         raise ValueError(f"{_name(function)} raised {type(error).__name__} {where}: {error}") from error
+    f = np.atleast_1d(validate.real(f"what {_name(function)} returns", answer)).astype(np.float64)
     if f.ndim != 1 or len(f) > 32:
         raise ValueError(f"{_name(function)} must return one value or one a channel, got shape {f.shape} {where}")
     return f

@@ -11,6 +11,7 @@ import importlib
 import importlib.util
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,7 +21,9 @@ from cuticle._support import validate
 from cuticle._support.backends import check_backend, has_llvm
 from cuticle._support.progress import Progress
 from cuticle._support.quadrature import gauss_legendre
+from cuticle._support.values import Value
 from cuticle.scattering import conventions
+from cuticle.scattering.bcsdf import Plotted
 from cuticle.scattering.chiang import PARTS, Chiang, ChiangNear
 from cuticle.scattering.registry import first_class, restores
 from cuticle.scattering.tabulated import Tabulated
@@ -42,7 +45,7 @@ class WeightedSample(NamedTuple):
 
 
 @first_class
-class MitsubaBsdf:
+class MitsubaBsdf(Value, Plotted):
     """A Mitsuba material at one offset h, with eval, pdf and sample in radians. Made by `from_mitsuba`."""
 
     even = False
@@ -55,6 +58,26 @@ class MitsubaBsdf:
         self.source: dict[str, Any] | None = None
         if parameters is not None:
             self.source = {"parameters": parameters, "h": self.h, "variant": variant}
+
+    @cached_property
+    def bsdf(self) -> Any:
+        """The material, loaded once more where this object was copied or sent to another process."""
+        with _variant(self.variant):
+            return _load(self.parameters or {}, {}, fast=False)[1]
+
+    def __getstate__(self) -> dict[str, Any]:
+        if self.parameters is None:
+            raise TypeError(
+                "a material that was loaded before cannot be copied or pickled: give from_mitsuba a plugin's name and"
+                " parameters instead"
+            )
+        return super().__getstate__()
+
+    def __eq__(self, other: object) -> bool:
+        same = super().__eq__(other)
+        return same and (self.parameters is not None or self.bsdf is other.bsdf)  # type: ignore[attr-defined]
+
+    __hash__ = Value.__hash__
 
     def __repr__(self) -> str:
         return f"MitsubaBsdf({(self.parameters or {}).get('type', self.bsdf)}, h={self.h:g}, {self.variant})"

@@ -12,7 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from cuticle import _core
 from cuticle._support import validate
+from cuticle._support.values import Value
 from cuticle.scattering.azimuthal import AzimuthalTables, azimuthal_tables, evaluate_core, lobe_mask
+from cuticle.scattering.bcsdf import Plotted
 from cuticle.scattering.fibre import LOBES, Fibre
 from cuticle.scattering.fibre_tables import FibreTables
 from cuticle.scattering.registry import first_class
@@ -22,8 +24,8 @@ LONGITUDINAL_OF = {"exact": "energy_conserving", "zinke2008": "gaussian"}
 
 
 @first_class
-@dataclass(frozen=True)
-class Marschner:
+@dataclass(frozen=True, eq=False)
+class Marschner(Value, Plotted):
     """Far-field scattering of a single fibre: lobes R, TT, TRT with azimuthal roughness.
 
     f = Σ_p M_p N_p. N_p is a quadrature over the offset h, smoothed by beta_N. docs/models.md lists the differences from

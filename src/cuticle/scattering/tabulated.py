@@ -16,7 +16,8 @@ from scipy.interpolate import PchipInterpolator
 
 from cuticle._support import validate
 from cuticle._support.files import read_bytes, reading
-from cuticle.scattering.bcsdf import luminance
+from cuticle._support.values import Value
+from cuticle.scattering.bcsdf import Plotted, luminance
 from cuticle.scattering.holes import farthest, fill_holes
 from cuticle.scattering.noise import LEAST_SHARE, settle_noise
 from cuticle.scattering.registry import first_class, restores
@@ -38,7 +39,7 @@ _POLE = 1e-9  # least cosine; what is given for the pole itself, where f has no 
 
 
 @first_class
-class Tabulated:
+class Tabulated(Value, Plotted):
     """A scattering function given as a table over viewers and directions.
 
     f cos(theta_i) is interpolated linearly; unlike f, it is finite at the poles. Between two viewers, both slices are first
