@@ -180,7 +180,7 @@ def need(tool: str, package: str = "") -> None:
         pytest.skip(f"{tool} is not installed (Debian: apt-get install {package or tool})")
 
 
-# web: its shaders are GLSL's, and tests/test_web.py reads them back. pbrt: its core is that of cpp, and tests/test_examples.py
+# web: its shaders are GLSL's, and tests/test_web.py reads them back. pbrt: its core is that of cpp; tests/test_examples.py
 # runs its classes.
 HOSTS = {
     "cpp": Run(lambda made, x, folder, driver: cpp(made, x, folder)),
