@@ -138,7 +138,9 @@ def test_directions_in_every_frame(document_fit: cuticle.Fit, tmp_path: Path) ->
             const Vector light = {own}::sample_direction(viewer, .3f, .4f, .6f, &pdf, 2);
             {own}::eval_direction(viewer, light, f_cos, 2);
             std::printf("%.9g %.9g %.9g ", light.x, light.y, light.z);
-            std::printf("%.9g %.9g %.9g\\n", pdf, {own}::pdf_direction(viewer, light, 2), f_cos[0]);
+            std::printf("%.9g %.9g %.9g ", pdf, {own}::pdf_direction(viewer, light, 2), f_cos[0]);
+            const float both = {own}::eval_pdf_direction(viewer, light, f_cos, 2);
+            std::printf("%.9g %.9g\\n", both, f_cos[0]);
         }}"""
     printed = compile_and_run(f"{source}int main() {{ {main} }}", tmp_path, flags=("-O0",))
     theta_i, phi, pdf = (float(v) for v in document_fit.sampler.sample(theta_r, [0.3, 0.4, 0.6], 2))
@@ -150,6 +152,7 @@ def test_directions_in_every_frame(document_fit: cuticle.Fit, tmp_path: Path) ->
         np.testing.assert_allclose([light[a] for a in frame.axes], expected, atol=1e-5)
         np.testing.assert_allclose(values[3:5], pdf, rtol=1e-4)
         np.testing.assert_allclose(values[5], f * np.cos(theta_i), rtol=0.03)
+        np.testing.assert_allclose(values[6:], [values[4], values[5]], rtol=1e-6)  # eval_pdf_direction
 
 
 @pytest.mark.slow

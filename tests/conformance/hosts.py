@@ -14,7 +14,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -180,13 +180,12 @@ def need(tool: str, package: str = "") -> None:
         pytest.skip(f"{tool} is not installed (Debian: apt-get install {package or tool})")
 
 
-# web: its shaders are GLSL's, and tests/test_web.py reads them back.
+# web: its shaders are GLSL's, and tests/test_web.py reads them back. pbrt: its core is that of cpp; tests/test_examples.py
+# runs its classes.
 HOSTS = {
     "cpp": Run(lambda made, x, folder, driver: cpp(made, x, folder)),
     "cuda": Run(lambda made, x, folder, driver: cuda(made, x, folder)),
     "glsl": Run(glsl, reassociates=True),
     "hlsl": Run(hlsl, reassociates=True),
     "json": Run(read_back),
-    # The classes after the core need pbrt's own headers; tests/test_examples.py compiles them.
-    "pbrt": Run(lambda made, x, folder, driver: cpp(replace(made, text=made.text.split("// ---- pbrt-v4")[0]), x, folder)),
 }

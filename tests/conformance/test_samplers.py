@@ -103,7 +103,7 @@ def sampler(request: pytest.FixtureRequest) -> tuple[str, cuticle.Sampler]:
 
 
 def test_every_host_is_replayed_here() -> None:
-    assert {*HOSTS, "web"} == set(registry.HOSTS)
+    assert {*HOSTS, "web", "pbrt"} == set(registry.HOSTS)
 
 
 def test_python_in_single_precision(sampler: Any, x: Any, judge: Any) -> None:

@@ -14,6 +14,7 @@ from cuticle._support.files import check_file, make_directory, read_text, write_
 from cuticle.cli.terminal import STANDARD_OUTPUT, check_output, err, out, progress_bar, refuse_idle, write_output
 from cuticle.export import HOSTS, MAX_TABLE, amalgamate, check_frame, check_name, export
 from cuticle.export.frames import DEFAULT_FRAME, FRAMES
+from cuticle.export.hosts.web import LOBES
 from cuticle.export.registry import host
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.by_name import model_of
@@ -82,6 +83,13 @@ def command(
                 f" its own, such as -o {name}.{to}; got -o {output}"
             )
         check_file(values)
+    if to == "web":
+        others = [k for k in LOBES if k != loaded.lobes]
+        err.print(  # a lobe takes about a second for each strand count
+            f"the page compares this sampler with others of {', '.join(map(str, others))} lobes, which are fitted now: about"
+            f" {max(len(loaded.covers) * sum(others), 1)} s",
+            soft_wrap=True,
+        )
     with progress_bar() as progress:
         function = None if model is None else model_of(loaded, model, progress=progress)
         made = export(loaded, to, frame=frame, name=name, with_model=with_model, model=function, progress=progress)
