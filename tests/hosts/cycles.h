@@ -22,7 +22,9 @@ inline float3 safe_normalize(float3 a) {
     return length > 0 ? a * (1 / length) : a;
 }
 using KernelGlobals = const void *;
-inline float3 rec709_to_rgb(KernelGlobals, float3 rec709) { return rec709 * 2; }  // doubles, to be noticed where it is left out
+inline float3 rec709_to_rgb(KernelGlobals, float3 rec709) {
+    return rec709 * 2;
+}  // doubles, to be noticed where it is left out
 inline Spectrum rgb_to_spectrum(float3 rgb) { return rgb; }
 struct ShaderData {
     float3 wi, dPdu;

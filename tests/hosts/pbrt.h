@@ -105,16 +105,12 @@ template <class... Ts> class TaggedPointer {
         static_cast<void>(((std::is_same_v<T, Ts> || (++i, false)) || ...));
         return i;
     }
-    template <class F> auto Dispatch(F f) const {
-        return Next<F, Ts...>(f, 0);
-    }
+    template <class F> auto Dispatch(F f) const { return Next<F, Ts...>(f, 0); }
 
   private:
     template <class F, class T, class... Rest> auto Next(F f, int i) const {
-        if constexpr (sizeof...(Rest) > 0)
-            return i == tag ? f(static_cast<T *>(pointer)) : Next<F, Rest...>(f, i + 1);
-        else
-            return f(static_cast<T *>(pointer));
+        if constexpr (sizeof...(Rest) > 0) return i == tag ? f(static_cast<T *>(pointer)) : Next<F, Rest...>(f, i + 1);
+        else return f(static_cast<T *>(pointer));
     }
     void *pointer = nullptr;
     int tag = 0;
