@@ -7,9 +7,11 @@ import os
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 import cuticle
 from command import refused, run, run_program
+from cuticle.cli import terminal
 from cuticle.cli.app import COMMANDS, load
 
 
@@ -250,3 +252,16 @@ def test_completion_knows_commands_and_their_options(shell: str, monkeypatch: py
 
 def test_a_quick_check_draws_fewer_samples(fitted: Path) -> None:
     assert json.loads(run("check", str(fitted), "--quick", "--strands", "2", "--json").stdout)["samples"] == 100_000
+
+
+def test_long_work_says_about_how_long(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    now = 0.0
+    monkeypatch.setattr(terminal.time, "monotonic", lambda: now)
+    monkeypatch.setattr(terminal, "err", Console(stderr=True))
+    with terminal.progress_bar() as progress:
+        for phase, seconds in (("loading", 1), ("rendering, {} of 64 samples", 160), ("writing {}", 10)):
+            for k in range(65):
+                progress(phase.format(k), k / 64)
+                now += seconds / 64
+    said = capsys.readouterr().err.splitlines()
+    assert said == ["rendering: about 158 s more"]

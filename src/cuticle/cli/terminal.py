@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -58,11 +60,41 @@ def refuse_idle(ctx: typer.Context, why: str, *names: str) -> None:
 
 @contextmanager
 def progress_bar(quiet: bool = False) -> Iterator[Callable[[str, float], None]]:
-    """Show a progress bar on standard error, unless that is not a terminal or the caller wants quiet."""
+    """Show a progress bar on a terminal, and say about how long long work takes; neither if the caller wants quiet."""
     columns = (TextColumn("{task.description:<34}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=err, transient=True, disable=quiet or not err.is_terminal) as bar:
         task = bar.add_task("starting", total=1.0)
-        yield lambda phase, fraction: bar.update(task, description=phase, completed=fraction)
+        estimate = _Estimate()
+
+        def show(phase: str, fraction: float) -> None:
+            bar.update(task, description=phase, completed=fraction)
+            said = estimate.after(phase, fraction)
+            if said and not quiet:
+                err.print(said, soft_wrap=True, highlight=False)
+
+        yield show
+
+
+class _Estimate:
+    """How long a phase will take, once, after its first two seconds and if that is over 20 s.
+
+    A phase is known by what its description says before its first number, comma or colon.
+    """
+
+    def __init__(self) -> None:
+        self.kind, self.began, self.before, self.told = "", 0.0, 0.0, False
+
+    def after(self, phase: str, fraction: float) -> str:
+        """Return the sentence, or "" where there is nothing to say."""
+        kind, now = re.split(r"[\d,:]", phase)[0].strip(), time.monotonic()
+        if kind != self.kind:
+            self.kind, self.began, self.before, self.told = kind, now, fraction, False
+        took, done = now - self.began, fraction - self.before
+        if self.told or took < 2 or done <= 0:
+            return ""
+        left = took / done * (1 - fraction)
+        self.told = True
+        return f"{kind}: about {left:.0f} s more" if took + left > 20 else ""
 
 
 def read_strands(text: str) -> tuple[float, ...]:
