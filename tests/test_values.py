@@ -45,7 +45,7 @@ def used(name: str) -> Any:
 
 def _tabulated() -> Any:
     theta, phi = np.linspace(-1.5, 1.5, 31), np.linspace(0, np.pi, 19)
-    return cuticle.Tabulated([-1.0, 0.0, 1.0], theta, phi, np.full((3, 31, 19, 3), 0.05))
+    return cuticle.Tabulated(np.linspace(-1.5, 1.5, 9), theta, phi, np.full((9, 31, 19, 3), 0.05))
 
 
 def _mitsuba() -> Any:

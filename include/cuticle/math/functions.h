@@ -270,20 +270,18 @@ template <class Float> struct Place {
     Float t;
 };
 
-// Whether a lane is above, or below, a limit; NaN is both.
+// Whether a lane is above a limit; NaN is.
 template <class T> CUTICLE_INLINE bool any_above(const T &x, const T &limit) {
     if constexpr (std::is_arithmetic_v<T>) return !(x <= limit);
     else return ArrayTraits<T>::any(select(x <= limit, T(0), T(1)) > T(0));
 }
-template <class T> CUTICLE_INLINE bool any_below(const T &x, const T &limit) { return any_above(T(-x), T(-limit)); }
 
 // The whole number at or below x, held to [0, last] whatever bits x has: every look-up in a table goes through here.
 // Compared in this order, NaN gives 0.
 template <class Float> CUTICLE_INLINE typename ArrayTraits<Float>::Index truncated(const Float &x, int last) {
     return ArrayTraits<Float>::to_index(math::min(math::max(Float(0), x), Float(last)));
 }
-// The integers are held as well: where a compiler assumes that there is no NaN (-ffast-math, a shader's), it may compare the
-// other way round.
+// As integers, too: a compiler that assumes there is no NaN (-ffast-math, a shader's) may compare the other way round.
 template <class Index> CUTICLE_INLINE Index held_index(const Index &i, int last) {
     return math::min(math::max(Index(0), i), Index(last));
 }
@@ -291,8 +289,7 @@ template <class Float> CUTICLE_INLINE typename ArrayTraits<Float>::Index index_b
     return held_index(truncated(x, last), last);
 }
 
-// Among `count` nodes at 0, 1, ...; what lies outside is held to the ends, and NaN stays NaN in the fraction, which does not
-// wait for the index to be held.
+// Among `count` nodes at 0, 1, ...; what lies outside is held to the ends, and NaN stays NaN in the fraction.
 template <class Float> CUTICLE_INLINE Place<Float> locate_node(const Float &place, int count) {
     const auto node = truncated(place, count - 2);
     return {held_index(node, count - 2), math::clamp(place, Float(0), Float(count - 1)) - Float(node)};

@@ -158,7 +158,7 @@ CUTICLE_INLINE LobeValues<Float, K> values_at(const LobeTable<Scalar, K, Memory,
     using Traits = ArrayTraits<Count>;
     using Index = typename ArrayTraits<Float>::Index;
     using Row = typename Traits::Index;
-    const bool on_lower = !any_above(rows.s, Count(0)), on_upper = !any_below(rows.s, Count(1));
+    const bool on_lower = !any_above(rows.s, Count(0)), on_upper = !any_above(Count(-rows.s), Count(-1));
     const Row next = rows.row + Row(1);
     LobeValues<Float, K> values = interpolate_theta(table, Index(on_upper ? next : rows.row), at);
     if (!(table.rows == 1 || on_lower || on_upper))
