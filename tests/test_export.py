@@ -240,7 +240,7 @@ def test_the_command_writes_what_it_says(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["sampler.json", "--to", "rust", "-o", "x.rs"], "--to must be one of cpp, cuda, glsl, hlsl, json, pbrt, web; got 'rust'"),
+        (["sampler.json", "--to", "rust", "-o", "x.rs"], "--to must be one of cpp, cuda, glsl, hlsl, json, pbrt, web;"),
         (["sampler.json", "-o", "x.h"], "--to must say for which host"),
         (["sampler.json", "--to", "cpp", "-o", "missing/x.h"], "cannot write to missing"),
         (["sampler.json", "--to", "cpp", "-o", "."], "it is a folder"),
