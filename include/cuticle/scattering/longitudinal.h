@@ -39,7 +39,9 @@ template <class Float> CUTICLE_HD Float energy_conserving_m(const Float &theta_i
     const Float past = math::cos(Float(Float(.5) * (theta_i + theta_cone)));
     const Float half = math::sin(Float(Float(.5) * (theta_i - theta_cone)));
     const Float distance = select(product < Float(0), past, half);
-    const Float over = Float(2) / v, left = math::one_less_decay(over, Float(math::decay(Float(-over))));
+    const Float over = Float(2) / v;
+    // 1 - exp(-2/v), which rounding would take below 0 for wide lobes; the series never lies above it.
+    const Float left = math::max(Float(Float(1) - math::decay(Float(-over))), Float(over - Float(.5) * over * over));
     return math::decay(Float(-over * distance * distance)) * i0_scaled(x) / (v * left);
 }
 
