@@ -56,6 +56,12 @@ def test_any_bits_are_read_within_bounds(tmp_path: Path) -> None:
     program("total", "g++", tmp_path, "-O0", "-DCOUNT=20000", f"-fsanitize={checks}", f"-fno-sanitize-recover={checks}")
 
 
+# Where the compiler may assume that there is no NaN, too.
+@pytest.mark.slow
+def test_any_bits_are_read_within_bounds_by_fast_math(tmp_path: Path) -> None:
+    program("total", "g++", tmp_path, "-O1", "-ffast-math", "-DCOUNT=20000", "-fsanitize=address")
+
+
 def drjit_flags() -> list[str]:
     found = importlib.util.find_spec("drjit")
     if found is None or found.submodule_search_locations is None:

@@ -1,5 +1,5 @@
 // Any bits in any argument: nothing is read out of bounds, and every answer is NaN or at least 0. Compiled with the address
-// and undefined-behaviour sanitizers; tables lie on the heap, each to its last value.
+// and undefined-behaviour sanitizers; tables lie on the heap, each to its last value. With -ffast-math only the bounds hold.
 #include "cuticle/cuticle.h"
 
 #include <cmath>
@@ -49,11 +49,11 @@ template <class Float> std::unique_ptr<Float[]> table(std::size_t count, double 
 long wrong = 0, usable = 0;
 template <class Float> void expect_density(const char *what, Float x) {
     usable += std::isfinite(x);
-    if (std::isnan(x) || x >= Float(0)) return;
+    if (!CUTICLE_ORDERS_NAN || std::isnan(x) || x >= Float(0)) return;
     if (++wrong <= 20) std::printf("%s: %g\n", what, double(x));
 }
 template <class Float> void expect_angle(const char *what, Float x, Float limit) {
-    if (std::isnan(x) || std::abs(x) <= limit) return;
+    if (!CUTICLE_ORDERS_NAN || std::isnan(x) || std::abs(x) <= limit) return;
     if (++wrong <= 20) std::printf("%s: %g\n", what, double(x));
 }
 

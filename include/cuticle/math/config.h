@@ -29,6 +29,13 @@
 #define CUTICLE_DEVICE 0
 #endif
 
+// Whether a comparison with NaN is false, as the language has it; -ffast-math and /fp:fast let the compiler assume otherwise.
+#if (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__) || defined(_M_FP_FAST)
+#define CUTICLE_ORDERS_NAN 0
+#else
+#define CUTICLE_ORDERS_NAN 1
+#endif
+
 #define CUTICLE_VERSION_MAJOR 0
 #define CUTICLE_VERSION_MINOR 1
 #define CUTICLE_VERSION_PATCH 0

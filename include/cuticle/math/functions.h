@@ -281,9 +281,10 @@ template <class T> CUTICLE_INLINE bool any_above(const T &x, const T &limit) {
 template <class Float> CUTICLE_INLINE typename ArrayTraits<Float>::Index truncated(const Float &x, int last) {
     return ArrayTraits<Float>::to_index(math::min(math::max(Float(0), x), Float(last)));
 }
-// As integers, too: a compiler that assumes there is no NaN (-ffast-math, a shader's) may compare the other way round.
+// As integers, too, where the compiler (with -ffast-math, a shader's) may compare the other way round.
 template <class Index> CUTICLE_INLINE Index held_index(const Index &i, int last) {
-    return math::min(math::max(Index(0), i), Index(last));
+    if constexpr (CUTICLE_ORDERS_NAN) return i;
+    else return math::min(math::max(Index(0), i), Index(last));
 }
 template <class Float> CUTICLE_INLINE typename ArrayTraits<Float>::Index index_below(const Float &x, int last) {
     return held_index(truncated(x, last), last);

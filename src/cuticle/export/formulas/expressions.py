@@ -149,12 +149,14 @@ class Expressions:
         return self.trait(name, scope)
 
     def trait(self, name: cpp.Name, scope: Scope) -> Node:
-        """What `if constexpr` asks of a type: in shaders a number is single precision, and no pack."""
+        """What `if constexpr` asks of a type: in shaders a number is single precision, no pack,
+        and NaN compares as the compiler likes.
+        """
         last = name.path.rsplit("::", 1)[-1]
         if last == "is_same_v" and name.arguments:
             a, b = (self.type(x, scope) for x in name.arguments)
             return Literal(BOOL, a == b)
-        if last == "is_pack":
+        if last in ("is_pack", "CUTICLE_ORDERS_NAN"):
             return Literal(BOOL, False)
         return scope.refuse(f"{words(name)} is outside the subset")
 
