@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 from scipy.special import bdtr, bdtrc, betainc
 
 from cuticle.checking.chi_square import chi_square
+from cuticle.checking.tests import LEAST_DIRECTIONS
 
 Array = NDArray[np.float64]
 _LEAF = 40  # samples of the first half in a patch, up to twice as many
-_SPREAD = 0.5  # standard deviation of 1/pdf over its mean, up to which the smallest pdf seen stands for the smallest
+_SPREAD = 0.7  # standard deviation of 1/pdf over its mean, up to which the smallest pdf seen stands for the smallest
+_REST = 0.1  # quantile of the pdfs seen that stands for c in other patches
 _BANDS = 12
 _LEAST_PDF = 1e-150  # 1/sr: its inverse and the square of that are numbers
 
@@ -45,12 +47,12 @@ class _Patch(NamedTuple):
 def follows(theta: Array, phi: Array, pdf: Array, asked: int, rng: np.random.Generator) -> Fit:
     """Test directions (radians) against their pdf (1/sr); `asked` counts those that gave no direction, too."""
     smallest = _smallest_pdf(pdf, asked)
-    if len(pdf) < 2:
+    if len(pdf) < LEAST_DIRECTIONS:
         return Fit(*smallest, 0, 0, 0.0)
     x, y = np.sin(theta), phi  # equal areas are equal solid angles
     first, second = np.array_split(rng.permutation(len(pdf)), 2)
     n = len(second)
-    tree = _Tree(x, y, np.maximum(pdf, _LEAST_PDF), n * asked / len(pdf), rng)
+    tree = _Tree(x, y, np.clip(pdf, _LEAST_PDF, 1 / _LEAST_PDF), n * asked / len(pdf), rng)
     tree.split(np.array([-1.0, 1, -np.pi, np.pi]), first, second, 0)
     expected, kept, counted, whole, drawn = (np.array(column) for column in zip(*tree.patches, strict=True))
     middle = np.array([[(b[0] + b[1]) / 2, (b[2] + b[3]) / 2] for b in tree.boxes])
@@ -93,7 +95,7 @@ class _Tree:
     def _patch(self, box: Array, first: NDArray[np.intp], second: NDArray[np.intp]) -> _Patch:
         inverse = 1 / self.pdf[first]
         whole = bool(inverse.std() <= _SPREAD * inverse.mean()) and _covers(box, self.x[first], self.y[first], inverse)
-        least = 1 / float(inverse.max() if whole else np.median(inverse))
+        least = float(np.quantile(self.pdf[first], 0.0 if whole else _REST))
         weight = np.minimum(least / self.pdf[second], 1e9)
         counted = np.floor(weight + self.rng.random(len(second)))
         expected = self.asked * least * float((box[1] - box[0]) * (box[3] - box[2]))
