@@ -41,7 +41,6 @@ class TomlModel(BaseModel):
     @classmethod
     def from_toml(cls: type[T], text: str, *, source: str = "TOML") -> T:
         """Read it from TOML text with one table; error messages call it `source`."""
-
         return read_toml(text, {cls.table_name: cls.from_table}, source=source, remedy=cls.table_remedy)
 
     @classmethod
