@@ -212,6 +212,11 @@ def test_the_list_of_commands_says_what_each_says_of_itself(name: str) -> None:
         (("fit", "brown", "--defensive", ".1", "-o", "out"), "--defensive does nothing without --form document"),
         (("fit", "brown", "--form", "document", "--lobes", "3", "-o", "out"), "--lobes does nothing with --form document"),
         (("render", "lock", "--depth", "3", "-o", "a.png"), "--depth does nothing without --integrator path"),
+        (
+            ("render", "lock", "--fibre", "a.json", "--sampling", "lobes", "-o", "a.png"),
+            "--sampling does nothing for a sampler's",
+        ),
+        (("fibres", "--allow-large"), "No such option: --allow-large"),
         (("render", "lock", "--spread", "3", "-o", "a.png"), "--spread does nothing without --followers"),
         (("render", "lock", "--exposure", "1", "-o", "a.exr"), "--exposure does nothing for an .exr"),
         (("render", "lock", "--exposure", "nan", "-o", "a.png"), "--exposure must be in [-32, 32] stops, got nan"),
@@ -248,6 +253,16 @@ def test_completion_knows_commands_and_their_options(shell: str, monkeypatch: py
         found = run().stdout
         assert all(word in found for word in expected), found
         assert "audit" not in found
+
+
+def test_options_that_do_nothing_for_this_sampler_are_refused(fitted: Path, tmp_path: Path) -> None:
+    done = run("check", str(fitted), "-o", "-", "--json")
+    assert done.returncode == 2
+    assert "--json does nothing with -o -" in done.stderr
+    unknown = json.loads((fitted / "sampler.json").read_text(encoding="utf-8")) | {"about": {}}
+    (tmp_path / "a.json").write_text(json.dumps(unknown), encoding="utf-8")
+    words = "--energy does nothing for a sampler without its scattering function: leave it out"
+    refused("audit", str(tmp_path / "a.json"), "--energy", words=words, cwd=tmp_path)
 
 
 def test_a_quick_check_draws_fewer_samples(fitted: Path) -> None:

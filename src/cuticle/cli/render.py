@@ -113,7 +113,9 @@ def picture_command(
     technique: Annotated[str, typer.Option("--integrator", help=" | ".join(INTEGRATORS))] = "dual",
     depth: Annotated[int, typer.Option(help="Path segments, for --integrator path.")] = 64,
     counter: Annotated[str, typer.Option(help="How --integrator dual counts strands: grid | trace.")] = "grid",
-    sampling: Annotated[str, typer.Option(help=" | ".join(SAMPLINGS))] = "lobes",
+    sampling: Annotated[
+        str, typer.Option(help=f"{' | '.join(SAMPLINGS)}. With a sampler's file: its own lobes, or others for its fibre.")
+    ] = "lobes",
     spp: Annotated[int, typer.Option(help="Samples per pixel.")] = 64,
     radius: RadiusOption = None,
     tip: TipOption = None,
@@ -144,6 +146,8 @@ def picture_command(
         refuse_idle(ctx, "without --integrator path", "depth")
     if technique != "dual":
         refuse_idle(ctx, "without --integrator dual", "counter")
+    if fibre.endswith(".json") and sampling == "lobes":
+        refuse_idle(ctx, "for a sampler's file, whose lobes are drawn from", "sampling")
     _check_groom(ctx, radius, tip, followers, spread)
     view = View(azimuth=azimuth, elevation=elevation, width=width, height=width if height is None else height, zoom=zoom)
     lit = Light(light, strength)
