@@ -71,10 +71,12 @@ def f_is_whole(model: Any) -> None:
 
 
 def pdf_is_whole(sampler: Any) -> None:
-    """A sampler gives a finite density."""
-    p = sampler.pdf(0.1, 0.2, 0.3)
-    assert np.isfinite(p).all()
-    assert p >= 0
+    """A sampler draws directions of a finite density above 0, for every strand count."""
+    for n in sampler.covers:
+        theta_i, phi, p = sampler.sample(0.2, [0.3, 0.4, 0.6], n)
+        assert np.isfinite([theta_i, phi, p]).all()
+        assert p > 0
+        assert np.isfinite(sampler.pdf(0.1, 0.2, 0.3, n))
 
 
 def _cyhair() -> list[bytes]:

@@ -55,7 +55,9 @@ RadiusOption = Annotated[
     float | None, typer.Option(help="Radius of all strands, in the file's unit. Default: the file's own.")
 ]
 TipOption = Annotated[float | None, typer.Option(help="Radius at the tip; --radius is then that at the root.")]
-FrameOption = Annotated[float | None, typer.Option(help="Time code to read USD files at. Default: the first.")]
+FrameOption = Annotated[
+    float | None, typer.Option(help="When to read USD (time code) or Alembic (seconds). Default: the first.")
+]
 FollowersOption = Annotated[int, typer.Option(help="Number of copies beside each strand, for grooms that hold guides only.")]
 SpreadOption = Annotated[
     float | None, typer.Option(help="Standard deviation of a copy's offset. Default: 1/200 of the groom's size.")
@@ -84,7 +86,7 @@ def _groom(
     names: list[str], radius: float | None, tip: float | None, followers: int, spread: float | None, frame: float | None
 ) -> Groom:
     if frame is not None and all(n in BUILT_IN for n in names):
-        raise ValueError("--frame is the time to read a USD file at; a built-in groom has none, leave it out")
+        raise ValueError("--frame is the time to read USD or Alembic at; a built-in groom has none, leave it out")
     grooms = [BUILT_IN[n]() if n in BUILT_IN else read_groom(n, radius=radius, frame=frame) for n in names]
     groom = join_grooms(grooms) if len(grooms) > 1 else grooms[0]
     if followers:
