@@ -135,7 +135,7 @@ def picture_command(
     json_output: JsonOption = False,
 ) -> None:
     """Render a groom to an EXR or a PNG file."""
-    from cuticle.render.picture import MAX_EXPOSURE, MAX_SEED, MAX_SPP, picture_path, render, save_picture
+    from cuticle.render.picture import MAX_EXPOSURE, MAX_SEED, MAX_SPP, expected_seconds, picture_path, render, save_picture
 
     target = picture_path(output)
     check_file(target)
@@ -163,6 +163,9 @@ def picture_command(
     with progress_bar(json_output) as progress:
         progress("fitting the fibre, loading the scene", 0.0)
         scene = load_scene(mi, hair, material, view=view, light=lit, technique=how)
+        seconds = expected_seconds(scene, spp)
+        if seconds is not None:
+            progress.expect(seconds)
         done = render(scene, spp, seed=seed, progress=progress)
     save_picture(target, done.image, exposure=exposure)
     if json_output:
