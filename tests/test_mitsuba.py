@@ -254,7 +254,7 @@ NEAR = {"near": True, "beta_m": 0.3, "beta_n": 0.25, "alpha": -2.0, "eumelanin":
         # A default that follows another parameter still does.
         (
             {"alpha_R": -3.0, "beta_R": 8.0, "eumelanin": 1.0},
-            {"alpha_R": -6.0, "eumelanin": 0.3},
+            {"alpha_R": -6.0, "eumelanin": 0.25},
             {"alpha_TT": 3.0, "alpha_TRT": 9.0},
         ),
         pytest.param({**NEAR, "near": False}, {"beta_n": 0.4, "eumelanin": 0.3}, {}, marks=pytest.mark.slow),
