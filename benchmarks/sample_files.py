@@ -2,7 +2,8 @@
 
     python benchmarks/sample_files.py [FILES]
 
-The documentation has the rates of 500 files of each kind (a fifth of them at 60,000 rows, a tenth of wrong ones): five minutes.
+The documentation has the rates of 500 files of each kind, a fifth of them at 60,000 rows and a tenth of wrong ones: five
+minutes.
 """
 
 from __future__ import annotations
