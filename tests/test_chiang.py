@@ -277,6 +277,7 @@ def test_a_hair_goes_to_a_host_and_back(host: str) -> None:
         ("cycles", {"offset": math.radians(3)}, {"alpha": 3.0}),
         ("cycles-legacy", {"offset": math.radians(3)}, {"alpha": 3.0}),
         ("cycles", {"melanin_redness": 0.0}, {"sigma_a": -math.log(0.2) * np.array([0.506, 0.841, 1.653])}),
+        ("materialx", {}, {"alpha": 0.0, "eta": 1.55, "sigma_a": np.zeros(3)}),
         ("materialx", {"longitudinal": 0.25}, {"beta_m": 0.25, "beta_n": 0.2, "alpha": 0.0, "sigma_a": np.zeros(3)}),
         ("materialx", {"longitudinal": 0.25, "cuticle_angle": 0.49}, {"alpha": -1.8}),
         (
@@ -288,7 +289,7 @@ def test_a_hair_goes_to_a_host_and_back(host: str) -> None:
     ids=str,
 )
 def test_what_is_not_given_has_the_hosts_default(host: str, given: dict[str, Any], expected: dict[str, Any]) -> None:
-    found = conventions.from_host(host, **given)
+    found = conventions.from_host(host, **given)  # and without a warning, which is an error here
     for name, value in expected.items():
         np.testing.assert_allclose(found[name], value, atol=1e-12, err_msg=name)
 
@@ -296,7 +297,11 @@ def test_what_is_not_given_has_the_hosts_default(host: str, given: dict[str, Any
 @pytest.mark.parametrize(
     ("host", "given", "message"),
     [
-        ("materialx", {}, r"roughness_TT \(0.05, 0.05\) \(here \(0.025, 0.1\)\), roughness_TRT \(0.2, 0.2\)"),
+        (
+            "materialx",
+            {"roughness_R": (0.1, 0.1)},
+            r"roughness_TT \(0.05, 0.05\) \(here \(0.025, 0.1\)\), roughness_TRT \(0.2, 0.2\)",
+        ),
         ("materialx", {"longitudinal": 0.2, "tint_R": (1.0, 0.5, 0.5)}, r"tint_R \(1.0, 0.5, 0.5\)"),
         ("materialx", {"longitudinal": 0.2, "scale_TT": 1.0}, "scale_TT 1 "),
         ("cycles", {"coat": 0.5}, "leaves out of cycles: coat 0.5"),

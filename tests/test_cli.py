@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from rich.console import Console
 
 import cuticle
 from command import refused, run, run_program
+from cuticle._support.progress import expect
 from cuticle.cli import terminal
 from cuticle.cli.app import COMMANDS, load
+from cuticle.export.hosts import web
 
 
 @pytest.fixture(scope="module")
@@ -212,6 +216,11 @@ def test_the_list_of_commands_says_what_each_says_of_itself(name: str) -> None:
         (("fit", "brown", "--defensive", ".1", "-o", "out"), "--defensive does nothing without --form document"),
         (("fit", "brown", "--form", "document", "--lobes", "3", "-o", "out"), "--lobes does nothing with --form document"),
         (("render", "lock", "--depth", "3", "-o", "a.png"), "--depth does nothing without --integrator path"),
+        (
+            ("render", "lock", "--fibre", "a.json", "--sampling", "lobes", "-o", "a.png"),
+            "--sampling does nothing for a sampler's",
+        ),
+        (("fibres", "--allow-large"), "No such option: --allow-large"),
         (("render", "lock", "--spread", "3", "-o", "a.png"), "--spread does nothing without --followers"),
         (("render", "lock", "--exposure", "1", "-o", "a.exr"), "--exposure does nothing for an .exr"),
         (("render", "lock", "--exposure", "nan", "-o", "a.png"), "--exposure must be in [-32, 32] stops, got nan"),
@@ -250,6 +259,16 @@ def test_completion_knows_commands_and_their_options(shell: str, monkeypatch: py
         assert "audit" not in found
 
 
+def test_options_that_do_nothing_for_this_sampler_are_refused(fitted: Path, tmp_path: Path) -> None:
+    done = run("check", str(fitted), "-o", "-", "--json")
+    assert done.returncode == 2
+    assert "--json does nothing with -o -" in done.stderr
+    unknown = json.loads((fitted / "sampler.json").read_text(encoding="utf-8")) | {"about": {}}
+    (tmp_path / "a.json").write_text(json.dumps(unknown), encoding="utf-8")
+    words = "--energy does nothing for a sampler without its scattering function: leave it out"
+    refused("audit", str(tmp_path / "a.json"), "--energy", words=words, cwd=tmp_path)
+
+
 def test_a_quick_check_draws_fewer_samples(fitted: Path) -> None:
     assert json.loads(run("check", str(fitted), "--quick", "--strands", "2", "--json").stdout)["samples"] == 100_000
 
@@ -265,3 +284,27 @@ def test_long_work_says_about_how_long(monkeypatch: pytest.MonkeyPatch, capsys: 
                 now += seconds / 64
     said = capsys.readouterr().err.splitlines()
     assert said == ["rendering: about 158 s more"]
+    with terminal.progress_bar() as progress:  # what is known before is not estimated again
+        for seconds in (19, 160):
+            expect(progress, seconds)
+        for k in range(65):
+            progress("rendering", k / 64)
+            now += 160 / 64
+    assert capsys.readouterr().err.splitlines() == ["this takes about 160 s"]
+    with terminal.progress_bar(quiet=True) as progress:
+        expect(progress, 160)
+    assert capsys.readouterr().err == ""
+
+
+def test_a_page_says_which_lobes_it_fits_and_how_long_that_takes(
+    fitted: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Its fit of one lobe took 10 s, by a clock of our own: those of 2, 4 and 8 lobes take 1, 1.3 and 2.6 times as long."""
+    monkeypatch.setattr(web, "time", SimpleNamespace(perf_counter=itertools.count(0, 10).__next__))
+    monkeypatch.setattr(web, "fit", lambda *_, **__: SimpleNamespace(sampler=cuticle.Sampler.load(fitted / "sampler.json")))
+    done = run("export", str(fitted), "--to", "web", "-o", str(tmp_path / "a.html"))
+    assert done.returncode == 0, done
+    assert done.stderr.splitlines() == [
+        "the page compares this sampler with others of 1, 2, 4, 8 lobes, which are fitted now",
+        "this takes about 49 s",
+    ]

@@ -13,6 +13,7 @@ import pytest
 from command import run
 from cuticle import Chiang, audit_dump
 from cuticle.checking.measurements import ViewerOfFile
+from cuticle.checking.patches import follows
 from cuticle.checking.tests import TESTS
 from cuticle.checking.verdicts import Judge, Thresholds
 from test_audit import BASE, Hemisphere, write
@@ -122,19 +123,45 @@ int main() { dump(Uniform{}, "dump.csv", 6000); }
         assert report.ok == right, report
 
 
-@pytest.mark.parametrize(("rows", "outcome", "code"), [(6_000, "inconclusive", 3), (20_000, "pass", 0)])
+@pytest.mark.parametrize(("stripes", "outcome", "code"), [(400, "inconclusive", 3), (4, "pass", 0)])
 def test_a_dump_of_which_next_to_nothing_could_be_tested_is_inconclusive(
-    rows: int, outcome: str, code: int, tmp_path: Path
+    stripes: int, outcome: str, code: int, tmp_path: Path
 ) -> None:
-    """A sharp sampler: of few rows, no patch is so small that its pdf hardly varies."""
-    near = Chiang(beta_m=0.1, beta_n=0.1, eumelanin=1.3).near(0.5)
-    s = near.sample(0.3, np.random.default_rng(5).random((rows, 3)))
-    path = write(tmp_path / "d.npz", s.theta_i, s.phi, s.pdf)
+    """Ten times as many samples in every second stripe: finer than the patches, the pdf varies within all of them."""
+    rng = np.random.default_rng(5)
+    dense = rng.random(6_000) < 10 / 11
+    y = 2 * (2 * rng.integers(stripes // 2, size=6_000) + dense + rng.random(6_000)) / stripes - 1
+    pdf = np.where(dense, 20 / 11, 2 / 11) / (4 * np.pi)
+    path = write(tmp_path / "d.npz", np.arcsin(y), rng.uniform(-np.pi, np.pi, 6_000), pdf)
     report = audit_dump(path)
     assert report.outcome == outcome, report
     assert [v.name for v in report.verdicts if "could be tested" in v.undecided] == ["samples follow the pdf"] * (code == 3)
     done = run("audit", str(path), "--json")
     assert (done.returncode, json.loads(done.stdout)["outcome"]) == (code, outcome)
+
+
+def uniform(n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return np.arcsin(rng.uniform(-1, 1, n)), rng.uniform(-np.pi, np.pi, n), np.full(n, 1 / (4 * np.pi))
+
+
+def sharp(n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    s = Chiang(beta_m=0.1, beta_n=0.1, eumelanin=1.3).near(0.5).sample(0.3, rng.random((n, 3)))
+    return np.array(s.theta_i), np.array(s.phi), np.array(s.pdf)
+
+
+@pytest.mark.parametrize("n", [2_000, 6_000, pytest.param(60_000, marks=pytest.mark.slow)])
+def test_right_samples_have_small_p_values_as_seldom_as_they_may(n: int) -> None:
+    """Of 200 dumps, p below 0.02 in at most 11: a right test has more with probability 1e-3 at most (Poisson, mean 4)."""
+    rng = np.random.default_rng(7)
+    small = sum(follows(*draw(n, rng), n, rng).p_value < 0.02 for draw in (uniform, sharp) for _ in range(100))
+    assert small <= 11
+
+
+def test_shuffled_pdfs_of_a_sharp_sampler_are_found_among_few_rows() -> None:
+    rng = np.random.default_rng(8)
+    for _ in range(20):
+        theta, phi, pdf = sharp(5_000, rng)
+        assert follows(theta, phi, rng.permutation(pdf), 5_000, rng).p_value < 1e-4
 
 
 @pytest.mark.parametrize(("tested", "outcome"), [(0.0999, "inconclusive"), (0.1, "pass")])

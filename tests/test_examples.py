@@ -201,6 +201,9 @@ def test_cycles(brown: cuticle.Sampler, tmp_path: Path) -> None:
         "    ccl::float3 wo, f, X, Y, Z;\n"
         "    float pdf, again;\n"
         "    ccl::strand_frame(&sd, &X, &Y, &Z);\n"
+        "    ccl::BrownHairBSDF bsdf;\n"
+        "    if (ccl::bsdf_hair_brown_setup(&sd, &bsdf, ccl::CLOSURE_BSDF_HAIR_BROWN_ID) != (4 | 16 | 64)) return 2;\n"
+        "    if (bsdf.type != ccl::CLOSURE_BSDF_HAIR_BROWN_ID || dot(bsdf.N, Y) < .9999f) return 3;\n"
         "    const int label = ccl::bsdf_hair_brown_sample(nullptr, &sd, Y, "
         "ccl::make_float3(.4f, .6f, .3f), &f, &wo, &pdf);\n"
         "    const ccl::float3 g = ccl::bsdf_hair_brown_eval(nullptr, &sd, wo, &again);\n"
@@ -212,6 +215,8 @@ def test_cycles(brown: cuticle.Sampler, tmp_path: Path) -> None:
         "}\n"
     )
     run([compiler(), *COMPILE, "-I.", "main.cpp", "-o", "main"], tmp_path)
+    if shutil.which("nm"):  # weak symbols would be shared between Cycles' kernels of several instruction sets
+        assert not re.search(r" [VWu] .*5brown", run(["nm", "main"], tmp_path))
     got = np.array(run(["./main"], tmp_path).split(), float)
     direction, p, f = expected(brown, got[:3], (0.3, 0.4, 0.6))
     np.testing.assert_allclose(got[3:6], direction, atol=1e-5)

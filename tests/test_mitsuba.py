@@ -244,6 +244,52 @@ def test_parameters_are_traversed_and_change_what_is_seen(use_variant: UseVarian
     assert relative(before, f) > 0.1
 
 
+NEAR = {"near": True, "beta_m": 0.3, "beta_n": 0.25, "alpha": -2.0, "eumelanin": 1.3}
+
+
+@pytest.mark.parametrize(
+    ("given", "changes", "of_changed"),
+    [
+        (NEAR, {"beta_m": 0.4, "alpha": 3.0, "eta": 1.4, "pheomelanin": 0.5}, {}),
+        # A default that follows another parameter still does.
+        (
+            {"alpha_R": -3.0, "beta_R": 8.0, "eumelanin": 1.0},
+            {"alpha_R": -6.0, "eumelanin": 0.25},
+            {"alpha_TT": 3.0, "alpha_TRT": 9.0},
+        ),
+        pytest.param({**NEAR, "near": False}, {"beta_n": 0.4, "eumelanin": 0.3}, {}, marks=pytest.mark.slow),
+        pytest.param({**NEAR, "near": False, "strands": True, "lobes": 1}, {"beta_n": 0.4}, {}, marks=pytest.mark.slow),
+        pytest.param({**NEAR, "color": (0.4, 0.2, 0.1), "eumelanin": None}, {"beta_n": 0.4}, {}, marks=pytest.mark.slow),
+    ],
+    ids=["near", "fibre", "far", "among strands", "a colour"],
+)
+@pytest.mark.parametrize("variant", ["scalar_rgb", "llvm_ad_spectral"])
+def test_an_update_makes_what_follows_from_a_number_anew(
+    variant: str, given: dict[str, Any], changes: dict[str, Any], of_changed: dict[str, Any], use_variant: UseVariant
+) -> None:
+    mi = use_variant(variant)
+    given = {k: mi.ScalarColor3f(*v) if k == "color" else v for k, v in given.items() if v is not None}
+    rng = np.random.default_rng(6)
+    r, i, u = random_directions(rng, 40), random_directions(rng, 40), rng.random((40, 3), np.float32)
+    strands = np.full(40, 1.5) if {"alpha_R", "strands"} & given.keys() else None
+    bsdf, wanted = (mi.load_dict({"type": "cuticle", **given, **c}) for c in ({}, changes))
+    parameters = mi.traverse(bsdf)
+    before = ask(mi, bsdf, r, i, u, strands)
+    parameters.update(changes)
+    assert {k: parameters[k] for k in of_changed} == pytest.approx(of_changed)
+    for part, after, old in zip(Answers._fields, ask(mi, bsdf, r, i, u, strands), before, strict=True):
+        expected = getattr(ask(mi, wanted, r, i, u, strands), part)
+        if part == "wo":
+            assert np.abs(after.vector - expected.vector).max() <= 1e-5
+        else:
+            assert relative(after, expected) <= 1e-4, part  # changes in single precision
+            assert relative(old, expected) > 0.05, part
+    parameters["eta"] = 7.0
+    with pytest.raises(ValueError, match=r"^eta must be in \(1, 3\], got 7; keratin has 1.55$"):
+        parameters.update()
+    assert relative(ask(mi, bsdf, r, i, u, strands).f, ask(mi, wanted, r, i, u, strands).f) <= 1e-4
+
+
 @pytest.mark.slow
 def test_absorption_is_differentiable(use_variant: UseVariant) -> None:
     mi = use_variant("llvm_ad_rgb")

@@ -17,7 +17,7 @@ import cuticle
 from command import refused, run_program
 from cuticle.grooms.groom import Groom
 from cuticle.grooms.procedural import hair_ball, wavy_lock
-from cuticle.render.picture import over_backdrop, passes, rel_mse, render, save_picture
+from cuticle.render.picture import expected_seconds, over_backdrop, passes, rel_mse, render, save_picture
 from cuticle.render.scene import Light, View, bsdf, integrator, load_scene
 
 if importlib.util.find_spec("mitsuba") is None:
@@ -250,6 +250,24 @@ def test_passes_average_to_one_picture(ball: Groom, use_variant: UseVariant) -> 
     again = list(passes(scene, 24, step=10, seed=1))[-1]
     np.testing.assert_array_equal(steps[-1].image, again.image)
     assert not np.array_equal(again.image, list(passes(scene, 24, step=10, seed=2))[-1].image)
+
+
+def test_expecting_how_long_a_picture_takes_leaves_it_as_it_was(ball: Groom, use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    scene = load_scene(mi, ball, bsdf("brown"), view=View(width=130, height=50), technique=integrator("dual"))
+    before = render(scene, 2).image
+    expected = expected_seconds(scene, 2)
+    assert expected is not None
+    assert expected > 0
+    np.testing.assert_array_equal(render(scene, 2).image, before)
+
+
+@pytest.mark.alone
+def test_a_picture_takes_about_as_long_as_expected(ball: Groom, use_variant: UseVariant) -> None:
+    scene = load_scene(use_variant("scalar_rgb"), ball, bsdf("brown"), technique=integrator("path"))
+    expected = expected_seconds(scene, 4)
+    assert expected is not None
+    assert 0.4 <= expected / render(scene, 4).seconds <= 2.5  # other views of the same pixels, and the machine's whims
 
 
 def test_pictures_are_written_whole(tmp_path: Path, use_variant: UseVariant) -> None:

@@ -87,7 +87,7 @@ def test_frames_and_what_is_left_out(data: Path, tmp_path: Path) -> None:
         (field / "timesampled.usda", "7", "frame must be in [1, 2], got 7"),
         (field / "bezier.usda", "7", "has no time samples, frame must be left out, got 7"),
         (field / "bom.txt", "7", "frame is for .usd, .usda"),
-        ("ball", "7", "--frame is the time to read a USD file at; a built-in groom has none"),
+        ("ball", "7", "--frame is the time to read USD or Alembic at; a built-in groom has none"),
     ):
         refused("render", str(path), "-o", "a.png", "--frame", frame, words=words, cwd=tmp_path)
 
@@ -209,33 +209,49 @@ def archive(tmp_path: Path) -> Callable[..., Path]:
     from alembic3d import Abc, AbcGeom
 
     def write(
-        vertices: Any, counts: list[int], widths: Any, scope: str, how: tuple[str, str, str], visible: bool = True
+        vertices: Any,
+        counts: list[int],
+        widths: Any,
+        scope: str,
+        how: tuple[str, str, str],
+        visible: bool = True,
+        samples: int = 1,
     ) -> Path:
         path = tmp_path / "a.abc"
         top = Abc.OArchive(str(path)).getTop()
-        place = AbcGeom.OXform(top, "head")
-        sample = AbcGeom.XformSample()
-        sample.setTranslation(imath.V3d(1, 2, 3))
-        sample.setScale(imath.V3d(2, 2, 2))
-        place.getSchema().set(sample)
+        place, numbers, values = (
+            AbcGeom.OXform(top, "head"),
+            imath.IntArray(len(counts)),
+            imath.FloatArray(len(widths)),
+        )
         made = AbcGeom.OCurves(place, "hair")
-        positions, numbers = imath.V3fArray(len(vertices)), imath.IntArray(len(counts))
-        for k, v in enumerate(vertices):
-            positions[k] = imath.V3f(*map(float, v))
-        for k, n in enumerate(counts):
-            numbers[k] = n
-        values = imath.FloatArray(len(widths))
-        for k, w in enumerate(widths):
-            values[k] = w
-        given = AbcGeom.OFloatGeomParamSample(values, getattr(AbcGeom.GeometryScope, scope))
+        for array, given in ((numbers, counts), (values, widths)):
+            for k, value in enumerate(given):
+                array[k] = value
+        width = AbcGeom.OFloatGeomParamSample(values, getattr(AbcGeom.GeometryScope, scope))
         type_, wrap, basis = (
             getattr(t, n) for t, n in zip((AbcGeom.CurveType, AbcGeom.CurvePeriodicity, AbcGeom.BasisType), how, strict=True)
         )
-        made.getSchema().set(
-            AbcGeom.OCurvesSchemaSample(
-                positions, numbers, type_, wrap, given, AbcGeom.OV2fGeomParamSample(), AbcGeom.ON3fGeomParamSample(), basis
+        for step in range(samples):
+            sample = AbcGeom.XformSample()
+            sample.setTranslation(imath.V3d(1 + 10 * step, 2, 3))
+            sample.setScale(imath.V3d(2, 2, 2))
+            place.getSchema().set(sample)
+            positions = imath.V3fArray(len(vertices))
+            for k, v in enumerate(vertices):
+                positions[k] = imath.V3f(*map(float, v)) + imath.V3f(5 * step, 0, 0)
+            made.getSchema().set(
+                AbcGeom.OCurvesSchemaSample(
+                    positions,
+                    numbers,
+                    type_,
+                    wrap,
+                    width,
+                    AbcGeom.OV2fGeomParamSample(),
+                    AbcGeom.ON3fGeomParamSample(),
+                    basis,
+                )
             )
-        )
         if not visible:
             AbcGeom.CreateVisibilityProperty(made, 0).setValue(0)
         return path
@@ -262,6 +278,18 @@ def test_alembic_is_read_in_world_space(archive: Callable[..., Path]) -> None:
     path.write_bytes(data[:16] + b"\xa5" * (len(data) - 16))
     with pytest.raises(ValueError, match=r"cannot read groom .*a\.abc: ."):
         read_groom(path)
+
+
+def test_a_frame_of_an_archive_is_the_sample_nearest_to_that_second(archive: Callable[..., Path]) -> None:
+    """Curves move by 5 a sample and their place by 10: a sample each second, as is where an archive says nothing."""
+    path = archive([[0, 0, 0], [0, 1, 0]], [2], [0.2], "kConstantScope", ("kLinear", "kNonPeriodic", "kNoBasis"), samples=2)
+    for frame, x in ((None, 1), (0.0, 1), (0.4, 1), (0.6, 21), (1.0, 21)):  # the place doubles
+        assert read_groom(path, frame=frame).points[:, 0].tolist() == [x, x]
+    with pytest.raises(ValueError, match=r"frame must be in \[0, 1\], got 2$"):
+        read_groom(path, frame=2.0)
+    still = archive([[0, 0, 0], [0, 1, 0]], [2], [0.2], "kConstantScope", ("kLinear", "kNonPeriodic", "kNoBasis"))
+    with pytest.raises(ValueError, match=r"no time samples, frame must be left out, got 1$"):
+        read_groom(still, frame=1.0)
 
 
 def test_hidden_alembic_curves_are_left_out(archive: Callable[..., Path]) -> None:

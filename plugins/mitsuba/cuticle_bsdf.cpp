@@ -54,11 +54,25 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
                         m_average_rows > 0 ? cuticle_mitsuba::hair_flag | cuticle_mitsuba::mean_flag : 0u);
     }
 
-    void parameters_changed(const std::vector<std::string> &) override { m_fixed = false; }
+    void parameters_changed(const std::vector<std::string> &keys = {}) override {
+        Base::parameters_changed(keys);
+        const auto changed = [&](const char *name) { return std::find(keys.begin(), keys.end(), name) != keys.end(); };
+        if (keys.empty() || changed("sigma_a") || changed("scale")) m_fixed = false;
+    }
 
     MI_DECLARE_CLASS(CuticleBSDF)
 
   private:
+    void adopt(const HairBSDF<Float, Spectrum> &made) override {
+        Base::adopt(made);
+        const auto tables = [](auto &b) {
+            return std::tie(b.m_fibre, b.m_formulation, b.m_range, b.m_d_f, b.m_d_b, b.m_limit, b.m_rest_variance, b.m_rows,
+                            b.m_columns, b.m_channels, b.m_exact_channels, b.m_average_rows, b.m_rest_rows, b.m_direct,
+                            b.m_spread, b.m_averages, b.m_rest);
+        };
+        tables(*this) = tables(static_cast<const CuticleBSDF &>(made));
+    }
+
     UnpolarizedSpectrum scattered(const BSDFContext &ctx, const SurfaceInteraction3f &si, const Float &theta_i,
                                   const Angles &r, const Float &phi, Mask active) const override {
         const bool surrounded = cuticle_mitsuba::among_strands(ctx);

@@ -24,6 +24,11 @@ template <typename Float, typename Spectrum> class CuticleNear final : public Ab
     MI_DECLARE_CLASS(CuticleNear)
 
   private:
+    void adopt(const HairBSDF<Float, Spectrum> &made) override {
+        Base::adopt(made);
+        m_fibre = static_cast<const CuticleNear &>(made).m_fibre;
+    }
+
     // The lobes for one viewer, and the absorption of each channel.
     struct Prepared {
         Float sigma_a[channels];

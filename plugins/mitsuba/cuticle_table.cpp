@@ -75,6 +75,12 @@ template <typename Float, typename Spectrum> class CuticleTable final : public H
         }
     };
 
+    void adopt(const HairBSDF<Float, Spectrum> &made) override {
+        Base::adopt(made);
+        m_alone = static_cast<const CuticleTable &>(made).m_alone;
+        m_among = static_cast<const CuticleTable &>(made).m_among;
+    }
+
     UnpolarizedSpectrum scattered(const BSDFContext &ctx, const SurfaceInteraction3f &si, const Float &theta_i,
                                   const Angles &r, const Float &phi, Mask active) const override {
         Float f[most_channels];

@@ -1,4 +1,5 @@
-// What hair's BSDFs share: a scattering function that a derived class knows, and the lobes it is drawn from.
+// What hair's BSDFs share: a scattering function that a derived class knows, the lobes it is drawn from, and the numbers of
+// the scene's from which Python makes both again when one of them is changed.
 //
 // A curve's shading frame has t along the strand and s around it: sin theta = w.y, phi = atan2(w.z, w.x).
 // Mitsuba's wi is the viewer's direction (r), wo the light's (i); eval holds the cosine of theta_i.
@@ -6,11 +7,16 @@
 
 #include "drjit_traits.h"
 
+#include <mitsuba/core/plugin.h>
 #include <mitsuba/core/properties.h>
 #include <mitsuba/render/bsdf.h>
 #include <mitsuba/render/texture.h>
 
+#include <algorithm>
 #include <sstream>
+#include <tuple>
+#include <typeinfo>
+#include <utility>
 
 #include "cuticle/cuticle.h"
 #include "mixture.h"
@@ -67,6 +73,24 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
                 dr::select(active, density(ctx, si, i.theta, r, phi, active), 0.f)};
     }
 
+    void traverse(TraversalCallback *cb) override {
+        for (Number &n : m_numbers) cb->put(n.name, n.value, ParamFlags::NonDifferentiable);
+    }
+
+    // A number that Python refuses leaves everything as it was.
+    void parameters_changed(const std::vector<std::string> & = {}) override {
+        Properties scene(m_scene);
+        for (const Number &n : m_numbers)
+            if (n.value != n.made) scene.set(n.name, double(n.value), false);
+        if (scene == m_scene) return;
+        try {
+            adopt(static_cast<const HairBSDF &>(*PluginManager::instance()->create_object<Base>(scene)));
+        } catch (...) {
+            for (Number &n : m_numbers) n.value = n.made;
+            throw;
+        }
+    }
+
     std::string to_string() const override {
         std::ostringstream out;
         out << "Cuticle[" << std::endl << "  " << string::indent(m_about) << std::endl << "]";
@@ -79,6 +103,22 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
         if (props.has_property("combined"))
             m_combined.set(props.get_any<TensorXf>("combined"), props.get<bool>("combined_even"));
         m_about = props.get<std::string>("about");
+        if (!props.has_property("scene")) return;
+        m_scene = props.get_any<Properties>("scene");
+        const auto &numbers = props.get_any<Properties>("numbers");
+        for (const auto &key : numbers) {
+            const auto value = numbers.get<ScalarFloat>(key.name());
+            m_numbers.push_back({std::string(key.name()), value, value});
+        }
+    }
+
+    // Takes over everything that follows from the numbers of another BSDF of the same class; textures stay. Numbers keep
+    // their place in memory, which whoever traversed them holds.
+    virtual void adopt(const HairBSDF &made) {
+        std::copy(made.m_numbers.begin(), made.m_numbers.end(), m_numbers.begin());
+        const auto rest = [](auto &b) { return std::tie(b.m_single, b.m_combined, b.m_about, b.m_scene); };
+        rest(*this) = rest(made);
+        m_flags = made.m_flags | (m_flags & +BSDFFlags::SpatiallyVarying);
     }
 
     // `others`: what it knows of other strands, flags of strands.h.
@@ -125,10 +165,45 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
         return cuticle_mitsuba::among_strands(ctx) ? m_combined : m_single;
     }
 
+    // A parameter of the scene's or its default, and the value that the rest was made for.
+    struct Number {
+        std::string name;
+        ScalarFloat value, made;
+    };
+
     cuticle_mitsuba::Mixture<Float> m_single, m_combined;
+    Properties m_scene;  // by which Python makes this BSDF
+    std::vector<Number> m_numbers;
 
     MI_TRAVERSE_CB(Base, m_single.m_nodes, m_combined.m_nodes)
 };
+
+// Gives a texture the values of another of its kind, in place: whoever traversed it holds it.
+template <typename Float> void copy_values(Object &to, Object &from) {
+    struct Values : TraversalCallback {
+        std::vector<std::pair<void *, const std::type_info *>> found;
+        void put_value(std::string_view, void *value, uint32_t, const std::type_info &type) override {
+            found.emplace_back(value, &type);
+        }
+        void put_object(std::string_view, Object *value, uint32_t) override {
+            if (value) value->traverse(this);
+        }
+    } old, made;
+    to.traverse(&old);
+    from.traverse(&made);
+    if (old.found.size() != made.found.size()) Throw("sigma_a: the absorption's texture is of another kind");
+    for (size_t k = 0; k < made.found.size(); ++k) {
+        const auto copy = [&](auto type) {
+            using T = decltype(type);
+            if (*old.found[k].second != typeid(T) || *made.found[k].second != typeid(T)) return false;
+            *static_cast<T *>(old.found[k].first) = *static_cast<T *>(made.found[k].first);
+            return true;
+        };
+        if (!copy(Float()) && !copy(Color<Float, 3>()) && !copy(DynamicBuffer<Float>()))
+            Throw("sigma_a: the absorption's texture is of another kind");
+    }
+    to.parameters_changed();
+}
 
 // One whose absorption is a texture, times another.
 template <typename Float, typename Spectrum> class AbsorbingHairBSDF : public HairBSDF<Float, Spectrum> {
@@ -137,6 +212,7 @@ template <typename Float, typename Spectrum> class AbsorbingHairBSDF : public Ha
     MI_IMPORT_TYPES(Texture)
 
     void traverse(TraversalCallback *cb) override {
+        Base::traverse(cb);
         cb->put("sigma_a", m_sigma_a, ParamFlags::Differentiable);
         cb->put("scale", m_scale, ParamFlags::Differentiable);
     }
@@ -155,6 +231,15 @@ template <typename Float, typename Spectrum> class AbsorbingHairBSDF : public Ha
     AbsorbingHairBSDF(const Properties &props) : Base(props) {
         m_sigma_a = props.get_unbounded_texture<Texture>("sigma_a");
         m_scale = props.get_unbounded_texture<Texture>("scale", 1.f);
+        m_absorption = props.get<std::string>("absorption");
+    }
+
+    void adopt(const HairBSDF<Float, Spectrum> &other) override {
+        Base::adopt(other);
+        const auto &made = static_cast<const AbsorbingHairBSDF &>(other);
+        if (m_absorption == made.m_absorption) return;
+        copy_values<Float>(*m_sigma_a, *const_cast<Texture *>(made.m_sigma_a.get()));
+        m_absorption = made.m_absorption;
     }
 
     UnpolarizedSpectrum absorption(const SurfaceInteraction3f &si, Mask active) const {
@@ -162,6 +247,7 @@ template <typename Float, typename Spectrum> class AbsorbingHairBSDF : public Ha
     }
 
     ref<Texture> m_sigma_a, m_scale;
+    std::string m_absorption;  // the fibre's own, in words
 
     MI_TRAVERSE_CB(Base, m_sigma_a, m_scale)
 };

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import io
+import json
 import os
 import signal
 import struct
@@ -16,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import cuticle
+from cuticle.checking.sample_file import LEAST_ROWS
 from cuticle.grooms.groom import Groom, read_groom
 
 N = 4
@@ -69,10 +71,12 @@ def f_is_whole(model: Any) -> None:
 
 
 def pdf_is_whole(sampler: Any) -> None:
-    """A sampler gives a finite density."""
-    p = sampler.pdf(0.1, 0.2, 0.3)
-    assert np.isfinite(p).all()
-    assert p >= 0
+    """A sampler draws directions of a finite density above 0, for every strand count."""
+    for n in sampler.covers:
+        theta_i, phi, p = sampler.sample(0.2, [0.3, 0.4, 0.6], n)
+        assert np.isfinite([theta_i, phi, p]).all()
+        assert p > 0
+        assert np.isfinite(sampler.pdf(0.1, 0.2, 0.3, n))
 
 
 def _cyhair() -> list[bytes]:
@@ -206,6 +210,29 @@ def _abc() -> list[bytes]:
         return [path.read_bytes()]
 
 
+def report_is_whole(report: Any) -> None:
+    """A report is JSON without NaN, and its outcome follows from its verdicts."""
+    assert json.loads(report.to_json())["ok"] == (report.outcome == "pass")
+
+
+def _dump() -> tuple[bytes, bytes]:
+    """As few uniform directions as an audit takes, with pdf, weight and viewer: compressed, and as text."""
+    rng = np.random.default_rng(1)
+    y, phi, n = rng.uniform(-1, 1, LEAST_ROWS), rng.uniform(-np.pi, np.pi, LEAST_ROWS), LEAST_ROWS
+    r = np.sqrt(1 - y**2)
+    rows = np.column_stack([r * np.cos(phi), y, r * np.sin(phi), np.full(n, 1 / (4 * np.pi)), np.ones(n), np.zeros(n)])
+    buffer = io.BytesIO()
+    np.savez(buffer, direction=rows[:, :3], pdf=rows[:, 3], weight=rows[:, 4], viewer=rows[:, 5])
+    return buffer.getvalue(), b"x,y,z,pdf,weight,viewer\n" + b"\n".join(b",".join(b"%.6g" % v for v in row) for row in rows)
+
+
+def _sampler() -> list[bytes]:
+    """The draft's own form for two strand counts, and one lobe."""
+    model = cuticle.DualScattering(cuticle.Fibre.preset("brown"))
+    made = cuticle.fit(model, strands=(0, 2), form="document"), cuticle.fit(cuticle.Marschner(model.fibre), lobes=1)
+    return [fit.sampler.to_json().encode() for fit in made]
+
+
 TABLE = b"theta_r_deg,theta_i_deg,phi_deg,f\n" + b"".join(
     b"%d,%d,%d,0.5\n" % (r, i, p) for r in (-20, 0, 20) for i in range(-90, 91, 30) for p in range(-180, 181, 30)
 )
@@ -224,6 +251,9 @@ def targets() -> list[Target]:
         Target("a.npz", _npz(), read_groom, groom_is_whole),
         Target("packed.npz", [_npy(POINTS.reshape(2, N, 3))], read_groom, groom_is_whole, _packed),
         Target("a.csv", [TABLE], cuticle.Tabulated.load, f_is_whole, share=0.2),
+        Target("dump.npz", [_dump()[0]], cuticle.audit_dump, report_is_whole, share=0.02),
+        Target("dump.csv", [_dump()[1]], cuticle.audit_dump, report_is_whole, share=0.02),
+        Target("sampler.json", _sampler(), cuticle.Sampler.load, pdf_is_whole, share=0.2),
         Target("a.toml", [FIBRE], lambda path: cuticle.Marschner(cuticle.Fibre.load(path)), f_is_whole, share=0.2),
     ]
     if importlib.util.find_spec("pxr") is not None:

@@ -30,4 +30,11 @@ struct ShaderData {
     float3 wi, dPdu;
 };
 enum { LABEL_TRANSMIT = 1, LABEL_REFLECT = 2, LABEL_GLOSSY = 8 };
+enum { SD_BSDF = 4, SD_BSDF_HAS_EVAL = 16, SD_BSDF_HAS_TRANSMISSION = 64 };
+enum ClosureType { CLOSURE_NONE_ID, CLOSURE_BSDF_HAIR_BROWN_ID };
+#define SHADER_CLOSURE_BASE \
+    Spectrum weight;        \
+    ClosureType type;       \
+    float sample_weight;    \
+    float3 N
 }  // namespace ccl

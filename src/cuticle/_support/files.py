@@ -177,29 +177,21 @@ def _is_standard_output(found: os.stat_result) -> bool:
     return False
 
 
-def read_toml(text: str, name: str, make: Callable[[dict[str, Any]], T], *, source: str, remedy: str) -> T:
-    """Return what `make` makes of the one table, [name], that TOML text holds; `source` names it in errors."""
+def read_toml(text: str, make: Mapping[str, Callable[[dict[str, Any]], T]], *, source: str, remedy: str) -> T:
+    """Return what is made of the one table that TOML text holds, by its name; `source` names it in errors."""
     with reading(source, "TOML"):
         try:
             document = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
             raise ValueError(f"{source} is not valid TOML: {error}") from None
-        table = document.get(name)
-        if not isinstance(table, dict) or set(document) != {name}:
-            raise ValueError(f"{source} must hold one table, [{name}], got {sorted(document) or 'nothing'}; {remedy}")
+        name = next((n for n in document if n in make), None)
+        if name is None or not isinstance(document[name], dict) or len(document) > 1:
+            known = " or ".join(f"[{n}]" for n in ([name] if name else make))
+            raise ValueError(f"{source} must hold one table, {known}, got {sorted(document) or 'nothing'}; {remedy}")
         try:
-            return make(table)
+            return make[name](document[name])
         except (TypeError, ValueError) as error:
             raise ValueError(f"{source}: {error}") from None
-
-
-def toml_tables(text: str, source: str) -> list[str]:
-    """Return the names of the tables of TOML text, an empty list where it is not TOML."""
-    with reading(source, "TOML"):
-        try:
-            return list(tomllib.loads(text))
-        except tomllib.TOMLDecodeError:
-            return []
 
 
 def toml_table(name: str, values: Mapping[str, Any]) -> str:

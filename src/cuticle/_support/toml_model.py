@@ -41,11 +41,12 @@ class TomlModel(BaseModel):
     @classmethod
     def from_toml(cls: type[T], text: str, *, source: str = "TOML") -> T:
         """Read it from TOML text with one table; error messages call it `source`."""
+        return read_toml(text, {cls.table_name: cls.from_table}, source=source, remedy=cls.table_remedy)
 
-        def make(table: dict[str, Any]) -> T:
-            return cls(**table)
-
-        return read_toml(text, cls.table_name, make, source=source, remedy=cls.table_remedy)
+    @classmethod
+    def from_table(cls: type[T], table: dict[str, Any]) -> T:
+        """Return it from the values of its table."""
+        return cls(**table)
 
     @classmethod
     def load(cls: type[T], path: str | os.PathLike[str]) -> T:

@@ -17,7 +17,7 @@ from cuticle.checking.verdicts import Test
 INTEGRAL_DOUBLE = 1e-5  # |∫ pdf - 1|
 ATOM = 1e-3  # share of samples at exactly one angle
 LEAST_DIRECTIONS = 1_000  # of the samples of a viewer: about what a chi-square test over a hundred cells needs
-LEAST_TESTED = 0.1  # of a viewer's samples in a file, in patches whose Σ 1/pdf is tested
+LEAST_TESTED = 0.1  # of a viewer's samples in a file, in patches that are tested on both sides
 MISMATCH = 1e-3  # share of samples whose pdf or weight is off by over 2 %
 
 
@@ -95,7 +95,7 @@ TESTS: tuple[Test, ...] = (
     replace(FOLLOWS_PDF, name="chi-square", of=CheckMeasurement, place=Test.place, tie=Test.tie,
             too_little=Test.too_little),
     FOLLOWS_PDF,
-    replace(FOLLOWS_PDF, meaning="smallest p-value of Σ 1/pdf over patches against their solid angles (limit: Šidák)",
+    replace(FOLLOWS_PDF, meaning="smallest p-value of the samples' counts in patches of the sphere (limit: Šidák)",
             of=ViewerOfFile, place=Test.place, tie=Test.tie, too_little=_few_patches),
     NO_ATOM,
     replace(NO_ATOM, of=ViewerOfFile, place=lambda m: next((m.name + r.text() for r in m.repeated), "")),

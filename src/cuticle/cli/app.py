@@ -30,6 +30,7 @@ COMMANDS = {
     "audit": "Audit any sampler: do its samples follow its pdf? Exit code 1 if a verdict fails, 3 if one is inconclusive.",
 }
 HIDDEN = ("demo",)
+READ_NO_FILE = ("demo", "fibres")
 _LOOK: dict[str, Any] = {"add_completion": False, "pretty_exceptions_enable": False}
 
 
@@ -61,7 +62,8 @@ def load(name: str) -> Any:
         return _with_common(typer.main.get_command(module.app))
     single = typer.Typer(**_LOOK)
     single.command(name)(module.command)
-    return _with_common(typer.main.get_command(single))
+    command = typer.main.get_command(single)
+    return command if name in READ_NO_FILE else _with_common(command)
 
 
 def _allow_large(ctx: typer.Context, asked: bool) -> None:
@@ -74,7 +76,7 @@ def _common(
         bool, typer.Option("--allow-large", help="Read files that need over 2 GB of memory.", callback=_allow_large)
     ] = False,
 ) -> None:
-    """Hold the options that every command has."""
+    """Hold the options that every command has which reads files."""
 
 
 def _with_common(command: Any) -> Any:

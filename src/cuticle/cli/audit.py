@@ -83,6 +83,8 @@ def command(
         made = audit_dump(source, level=level, seed=seed)
     else:
         sampler, own = _load(source, parameters or [], h, strands, variant)
+        if not callable(own.get("eval", getattr(sampler, "eval", None))):
+            refuse_idle(ctx, "for a sampler without its scattering function", "reciprocity", "energy")
         with progress_bar(json_output) as progress:
             made = audit(
                 sampler, theta_r=angles, samples=samples, level=level, seed=seed, reciprocity=reciprocity, energy=energy,

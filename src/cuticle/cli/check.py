@@ -48,6 +48,8 @@ def command(
     if quick:
         refuse_idle(ctx, "with --quick", "samples")
         samples = QUICK
+    if output == STANDARD_OUTPUT:
+        refuse_idle(ctx, "with -o -, which prints the report as JSON", "json_output")
     validate.integer("--samples", samples, *LIMITS["samples"])
     validate.integer("--seed", seed, *LIMITS["seed"])
     path = sampler / "sampler.json" if sampler.is_dir() else sampler

@@ -70,7 +70,7 @@ def command(output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR"
 def _demo_hair(path: Path) -> str:
     """Render a head of blond hair, lit through itself, where Mitsuba can; return what came of it."""
     from cuticle.grooms.procedural import hair_head
-    from cuticle.render.picture import render, save_picture
+    from cuticle.render.picture import expected_seconds, render, save_picture
     from cuticle.render.scene import Light, View, bsdf, integrator, load_scene, mitsuba
 
     try:
@@ -80,6 +80,7 @@ def _demo_hair(path: Path) -> str:
     head, view = hair_head(), View(width=320, height=384)
     with progress_bar() as progress:
         scene = load_scene(mi, head, bsdf("blond"), view=view, light=Light("studio"), technique=integrator("dual"))
+        progress.expect(expected_seconds(scene, 48) or 0.0)
         done = render(scene, 48, progress=progress)
     save_picture(path, done.image)
     return f"{path}: {head.strands:,} blond strands by dual scattering, {done.seconds:.1f} s; see `cuticle render --help`"

@@ -85,9 +85,8 @@ def command(
         check_file(values)
     if to == "web":
         others = [k for k in LOBES if k != loaded.lobes]
-        err.print(  # a lobe takes about a second for each strand count
-            f"the page compares this sampler with others of {', '.join(map(str, others))} lobes, which are fitted now: about"
-            f" {max(len(loaded.covers) * sum(others), 1)} s",
+        err.print(
+            f"the page compares this sampler with others of {', '.join(map(str, others))} lobes, which are fitted now",
             soft_wrap=True,
         )
     with progress_bar() as progress:

@@ -55,7 +55,9 @@ RadiusOption = Annotated[
     float | None, typer.Option(help="Radius of all strands, in the file's unit. Default: the file's own.")
 ]
 TipOption = Annotated[float | None, typer.Option(help="Radius at the tip; --radius is then that at the root.")]
-FrameOption = Annotated[float | None, typer.Option(help="Time code to read USD files at. Default: the first.")]
+FrameOption = Annotated[
+    float | None, typer.Option(help="When to read USD (time code) or Alembic (seconds). Default: the first.")
+]
 FollowersOption = Annotated[int, typer.Option(help="Number of copies beside each strand, for grooms that hold guides only.")]
 SpreadOption = Annotated[
     float | None, typer.Option(help="Standard deviation of a copy's offset. Default: 1/200 of the groom's size.")
@@ -84,7 +86,7 @@ def _groom(
     names: list[str], radius: float | None, tip: float | None, followers: int, spread: float | None, frame: float | None
 ) -> Groom:
     if frame is not None and all(n in BUILT_IN for n in names):
-        raise ValueError("--frame is the time to read a USD file at; a built-in groom has none, leave it out")
+        raise ValueError("--frame is the time to read USD or Alembic at; a built-in groom has none, leave it out")
     grooms = [BUILT_IN[n]() if n in BUILT_IN else read_groom(n, radius=radius, frame=frame) for n in names]
     groom = join_grooms(grooms) if len(grooms) > 1 else grooms[0]
     if followers:
@@ -113,7 +115,9 @@ def picture_command(
     technique: Annotated[str, typer.Option("--integrator", help=" | ".join(INTEGRATORS))] = "dual",
     depth: Annotated[int, typer.Option(help="Path segments, for --integrator path.")] = 64,
     counter: Annotated[str, typer.Option(help="How --integrator dual counts strands: grid | trace.")] = "grid",
-    sampling: Annotated[str, typer.Option(help=" | ".join(SAMPLINGS))] = "lobes",
+    sampling: Annotated[
+        str, typer.Option(help=f"{' | '.join(SAMPLINGS)}. With a sampler's file: its own lobes, or others for its fibre.")
+    ] = "lobes",
     spp: Annotated[int, typer.Option(help="Samples per pixel.")] = 64,
     radius: RadiusOption = None,
     tip: TipOption = None,
@@ -131,7 +135,7 @@ def picture_command(
     json_output: JsonOption = False,
 ) -> None:
     """Render a groom to an EXR or a PNG file."""
-    from cuticle.render.picture import MAX_EXPOSURE, MAX_SEED, MAX_SPP, picture_path, render, save_picture
+    from cuticle.render.picture import MAX_EXPOSURE, MAX_SEED, MAX_SPP, expected_seconds, picture_path, render, save_picture
 
     target = picture_path(output)
     check_file(target)
@@ -144,6 +148,8 @@ def picture_command(
         refuse_idle(ctx, "without --integrator path", "depth")
     if technique != "dual":
         refuse_idle(ctx, "without --integrator dual", "counter")
+    if fibre.endswith(".json") and sampling == "lobes":
+        refuse_idle(ctx, "for a sampler's file, whose lobes are drawn from", "sampling")
     _check_groom(ctx, radius, tip, followers, spread)
     view = View(azimuth=azimuth, elevation=elevation, width=width, height=width if height is None else height, zoom=zoom)
     lit = Light(light, strength)
@@ -157,6 +163,9 @@ def picture_command(
     with progress_bar(json_output) as progress:
         progress("fitting the fibre, loading the scene", 0.0)
         scene = load_scene(mi, hair, material, view=view, light=lit, technique=how)
+        seconds = expected_seconds(scene, spp)
+        if seconds is not None:
+            progress.expect(seconds)
         done = render(scene, spp, seed=seed, progress=progress)
     save_picture(target, done.image, exposure=exposure)
     if json_output:

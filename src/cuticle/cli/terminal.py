@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
@@ -58,25 +58,44 @@ def refuse_idle(ctx: typer.Context, why: str, *names: str) -> None:
             raise ValueError(f"{parameter.opts[0]} does nothing {why}: leave it out")
 
 
+LONG = 20.0  # seconds: work that takes longer says so
+
+
 @contextmanager
-def progress_bar(quiet: bool = False) -> Iterator[Callable[[str, float], None]]:
+def progress_bar(quiet: bool = False) -> Iterator[Watch]:
     """Show a progress bar on a terminal, and say about how long long work takes; neither if the caller wants quiet."""
     columns = (TextColumn("{task.description:<34}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=err, transient=True, disable=quiet or not err.is_terminal) as bar:
-        task = bar.add_task("starting", total=1.0)
-        estimate = _Estimate()
+        yield Watch(bar, quiet)
 
-        def show(phase: str, fraction: float) -> None:
-            bar.update(task, description=phase, completed=fraction)
-            said = estimate.after(phase, fraction)
-            if said and not quiet:
-                err.print(said, soft_wrap=True, highlight=False)
 
-        yield show
+class Watch:
+    """The progress of work: called with a phase and the fraction done of all."""
+
+    def __init__(self, bar: Progress, quiet: bool) -> None:
+        self._bar, self._quiet = bar, quiet
+        self._task = bar.add_task("starting", total=1.0)
+        self._estimate: _Estimate | None = _Estimate()
+
+    def __call__(self, phase: str, fraction: float) -> None:
+        """Show how far the work is, and estimate a phase of unknown cost."""
+        self._bar.update(self._task, description=phase, completed=fraction)
+        if self._estimate is not None:
+            self._say(self._estimate.after(phase, fraction))
+
+    def expect(self, seconds: float) -> None:
+        """Say how long the work will take, before it begins; no phase is estimated any more."""
+        self._estimate = None
+        if seconds > LONG:
+            self._say(f"this takes about {seconds:.0f} s")
+
+    def _say(self, text: str) -> None:
+        if text and not self._quiet:
+            err.print(text, soft_wrap=True, highlight=False)
 
 
 class _Estimate:
-    """How long a phase will take, once, after its first two seconds and if that is over 20 s.
+    """How long a phase of unknown cost will take, once, after its first two seconds and if that is over 20 s.
 
     A phase is known by what its description says before its first number, comma or colon.
     """
@@ -94,7 +113,7 @@ class _Estimate:
             return ""
         left = took / done * (1 - fraction)
         self.told = True
-        return f"{kind}: about {left:.0f} s more" if took + left > 20 else ""
+        return f"{kind}: about {left:.0f} s more" if took + left > LONG else ""
 
 
 def read_strands(text: str) -> tuple[float, ...]:

@@ -12,20 +12,20 @@ from numpy.typing import NDArray
 
 from cuticle._support.files import opened
 from cuticle.grooms.apart import read_apart, serve
-from cuticle.grooms.scene_curves import Curves, assemble, left_out
+from cuticle.grooms.scene_curves import Curves, assemble, check_frame, left_out
 
 _BASES = {"kBezierBasis": "bezier", "kBsplineBasis": "bspline", "kCatmullromBasis": "catmullRom"}
 _TYPES = {"kLinear": "linear", "kCubic": "cubic"}
 _SCOPES = {"kConstantScope": "constant", "kUniformScope": "uniform", "kVaryingScope": "varying", "kVertexScope": "vertex"}
 
 
-def read_alembic(path: Path) -> dict[str, NDArray]:
-    """Return all visible curves at the file's first time, in world space."""
+def read_alembic(path: Path, frame: float | None) -> dict[str, NDArray]:
+    """Return all visible curves in world space: of each object the sample nearest to `frame`, seconds, or its first."""
     with opened(path) as file:
         _check(path, file.read(16), path.stat().st_size)
     if importlib.util.find_spec("alembic3d") is None:
         raise ValueError(f"reading {path} needs the package alembic3d: pip install 'cuticle[alembic]'; or export it as USD")
-    return read_apart(__name__, path)
+    return read_apart(__name__, path, "" if frame is None else repr(float(frame)))
 
 
 def _check(path: Path, head: bytes, size: int) -> None:
@@ -43,51 +43,64 @@ def _check(path: Path, head: bytes, size: int) -> None:
         raise ValueError(f"{path} is cut short: its root group lies at byte {root} (byte 8), the file has {size}")
 
 
-def _find(path: str) -> dict[str, NDArray]:
+def _find(path: str, frame: str) -> dict[str, NDArray]:
     from alembic3d import Abc
 
     found: list[Curves] = []
     hidden: list[str] = []
-    _visit(Abc.IArchive(path).getTop(), np.eye(4), found, hidden)
+    times: list[float] = []
+    when = Abc.ISampleSelector(float(frame)) if frame else Abc.ISampleSelector(0)
+    _visit(Abc.IArchive(path).getTop(), np.eye(4), when, found, hidden, times)
+    check_frame(frame, times)
     notes = left_out("invisible object(s)", hidden)
     if not sum(len(c.vertices) for c in found):
         raise ValueError("; ".join(["it holds no curves", *notes]))
     return assemble(found, notes)
 
 
-def _visit(parent: Any, world: NDArray[np.float64], found: list[Curves], hidden: list[str]) -> None:
-    """Gather the curves below an object that are not hidden, and the names of those that are."""
-    from alembic3d import Abc, AbcGeom
+def _visit(
+    parent: Any, world: NDArray[np.float64], when: Any, found: list[Curves], hidden: list[str], times: list[float]
+) -> None:
+    """Gather the curves below an object that are not hidden, the names of those that are, and the times of samples."""
+    from alembic3d import AbcGeom
 
-    first = Abc.ISampleSelector(0)
     for k in range(parent.getNumChildren()):
         header = parent.getChildHeader(k)
         child = parent.getChild(k)
-        if AbcGeom.GetVisibility(child, first) == AbcGeom.ObjectVisibility.kVisibilityHidden:
+        if AbcGeom.GetVisibility(child, when) == AbcGeom.ObjectVisibility.kVisibilityHidden:
             hidden.append(header.getFullName())
             continue
         place = world
         if AbcGeom.IXform.matches(header):
-            sample = AbcGeom.IXform(parent, header.getName()).getSchema().getValue(first)
+            schema = AbcGeom.IXform(parent, header.getName()).getSchema()
+            times += _times(schema)
+            sample = schema.getValue(when)
             own = np.array([[sample.getMatrix()[i][j] for j in range(4)] for i in range(4)])
             place = own @ world if sample.getInheritsXforms() else own
         elif AbcGeom.ICurves.matches(header):
             schema = AbcGeom.ICurves(parent, header.getName()).getSchema()
+            times += _times(schema)
             if schema.getNumSamples():
-                found.append(_curves(header.getFullName(), schema, first, place))
-        _visit(child, place, found, hidden)
+                found.append(_curves(header.getFullName(), schema, when, place))
+        _visit(child, place, when, found, hidden, times)
 
 
-def _curves(name: str, schema: Any, first: Any, world: NDArray[np.float64]) -> Curves:
+def _times(schema: Any) -> list[float]:
+    """The first and the last time of what has several samples."""
+    last = schema.getNumSamples() - 1
+    return [schema.getTimeSampling().getSampleTime(k) for k in (0, last)] if last > 0 else []
+
+
+def _curves(name: str, schema: Any, when: Any, world: NDArray[np.float64]) -> Curves:
     from alembic3d.AbcGeom import CurvePeriodicity
 
-    value = schema.getValue(first)
+    value = schema.getValue(when)
     type_, basis = str(value.getType()), str(value.getBasis())
     if type_ not in _TYPES or (type_ == "kCubic" and basis not in _BASES):
         raise ValueError(f"{name} has curves of type {type_}, basis {basis}; {', '.join((*_TYPES, *_BASES))} are read")
     widths, interpolation = None, ""
     if schema.getWidthsParam().valid():
-        sample = schema.getWidthsParam().getExpandedValue(first)
+        sample = schema.getWidthsParam().getExpandedValue(when)
         widths, interpolation = np.array(sample.getVals(), np.float64), _SCOPES.get(str(sample.getScope()), "")
     return Curves(
         name,

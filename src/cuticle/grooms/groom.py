@@ -277,7 +277,8 @@ def read_groom(path: str | os.PathLike[str], *, radius: float | None = None, fra
         Radius of all strands, in the file's unit. Overrides the file. A file without radii gets 1/4000 of the diagonal of
         its bounding box.
     frame
-        The time to read a USD file at, in its own time codes. Default: the first.
+        The time to read a scene's file at: USD at a time code, between its samples; Alembic in seconds, the sample nearest
+        to it. Default: the first.
 
     Raises
     ------

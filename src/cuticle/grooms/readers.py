@@ -303,7 +303,7 @@ READERS = [
     Reader("USC-HairSalon", (".data",), _usc),
     Reader("TressFX 3 and 4", (".tfx",), _tressfx),
     Reader("USD", (".usd", ".usda", ".usdc", ".usdz"), lambda path, frame=None: _scene(read_usd(path, frame)), timed=True),
-    Reader("Alembic", (".abc",), lambda path: _scene(read_alembic(path))),
+    Reader("Alembic", (".abc",), lambda path, frame=None: _scene(read_alembic(path, frame)), timed=True),
     Reader("PLY", (".ply",), lambda path: Raw(*read_ply(path))),
     Reader("NumPy arrays", (".npz",), _npz),
     Reader("Mitsuba's text", (".txt", ".curves"), _text),

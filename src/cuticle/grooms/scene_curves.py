@@ -44,6 +44,14 @@ class Curves(NamedTuple):
     matrix: NDArray[np.float64]
 
 
+def check_frame(frame: str, times: list[float]) -> None:
+    """Raise ValueError for a frame outside the times of a file's samples; "" is none."""
+    if frame and not times:
+        raise ValueError(f"it has no time samples, frame must be left out, got {float(frame):g}")
+    if frame and not min(times) <= float(frame) <= max(times):
+        raise ValueError(f"frame must be in [{min(times):g}, {max(times):g}], got {float(frame):g}")
+
+
 def assemble(objects: list[Curves], notes: list[str]) -> dict[str, NDArray]:
     """Return points, counts, radius (empty where no object has widths), bend and notes of all objects, in world space.
 

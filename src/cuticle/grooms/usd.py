@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cuticle._support.files import opened
 from cuticle.grooms import splines
 from cuticle.grooms.apart import read_apart, serve
-from cuticle.grooms.scene_curves import Curves, assemble, left_out
+from cuticle.grooms.scene_curves import Curves, assemble, check_frame, left_out
 
 _Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # (x, y, z) to (x, z, -y)
 
@@ -57,7 +57,9 @@ def _find(path: str, frame: str) -> dict[str, NDArray]:
             curves = _curves(prim, time, times, places.GetLocalToWorldTransform(prim))
             found += [curves._replace(matrix=curves.matrix @ inverse @ m) for m in instances]
     notes = [n for reason, names in hidden.items() for n in left_out(f"{reason} prim(s)", names)]
-    _check_frame(stage, frame, times)
+    if stage.HasAuthoredTimeCodeRange():
+        times += [stage.GetStartTimeCode(), stage.GetEndTimeCode()]
+    check_frame(frame, times)
     if not sum(len(c.vertices) for c in found):
         raise ValueError("; ".join(["it holds no BasisCurves", *notes]))
     unit = UsdGeom.GetStageMetersPerUnit(stage) if stage.HasAuthoredMetadata("metersPerUnit") else 1.0
@@ -126,15 +128,6 @@ def _curves(prim: Any, time: Any, times: list[float], matrix: Any) -> Curves:
         attribute.GetMetadata("interpolation") or "",
         np.array(matrix),
     )
-
-
-def _check_frame(stage: Any, frame: str, times: list[float]) -> None:
-    if stage.HasAuthoredTimeCodeRange():
-        times = [*times, stage.GetStartTimeCode(), stage.GetEndTimeCode()]
-    if frame and not times:
-        raise ValueError(f"it has no time samples, frame must be left out, got {float(frame):g}")
-    if frame and not min(times) <= float(frame) <= max(times):
-        raise ValueError(f"frame must be in [{min(times):g}, {max(times):g}], got {float(frame):g}")
 
 
 if __name__ == "__main__":

@@ -34,6 +34,7 @@ except ImportError as error:
 
 from cuticle.mitsuba.build import build  # noqa: E402 - where Mitsuba is absent, its own message
 from cuticle.mitsuba.material import Material, read_material  # noqa: E402
+from cuticle.mitsuba.parameters import Parameters  # noqa: E402
 
 
 def plugin_folder() -> Path:
@@ -96,8 +97,10 @@ def _make_bsdf(props: Any) -> Any:
                 " give sigma_a as a number or a colour, and scale as a texture"
             )
         texture, given["sigma_a"] = given["sigma_a"], 1.0  # which stands for it where parameters are checked
-    material = read_material(given)
-    return build(material, scale=scale, sigma_a=texture)
+    material, asked = read_material(given), Parameters(**given)
+    # Files as they are found now: beside the scene's file, while it is loaded.
+    found = {name: path for name in ("fibre", "filename") if (path := getattr(asked, name)) is not None}
+    return build(material, scale=scale, sigma_a=texture, scene=given | found)
 
 
 register()

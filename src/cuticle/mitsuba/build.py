@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cuticle.mitsuba.material import Material, alone, among_others
+from cuticle.mitsuba.parameters import changeable
 from cuticle.sampling.lobe_table import SIGMA_PHI, SIGMA_THETA
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.chiang import Chiang
@@ -58,11 +60,12 @@ def _tables(fibre: Fibre | Chiang) -> _Tables:
         low *= _RATIO
 
 
-def build(material: Material, *, scale: Any = None, sigma_a: Any = None) -> Any:
+def build(material: Material, *, scale: Any = None, sigma_a: Any = None, scene: Mapping[str, Any] | None = None) -> Any:
     """Return Mitsuba's BSDF for a material.
 
     `scale`, a number or a texture, multiplies the absorption. `sigma_a`, a texture or a spectrum, takes the place of the
-    near field's own.
+    near field's own. `scene` are the parameters that the material was read from, by which the plugin makes itself again
+    when one of its `changeable` ones is changed; without them it shows none.
     """
     fibre = material.fibre
     closed = isinstance(fibre, (Fibre, Chiang)) and material.among is None
@@ -82,8 +85,17 @@ def build(material: Material, *, scale: Any = None, sigma_a: Any = None) -> Any:
         if sampler is not None:
             props[name] = _tensor(_padded(sampler))
             props[f"{name}_even"] = sampler.even
+    if scene is not None:
+        props["scene"], props["numbers"] = _properties(scene), _properties(changeable(fibre))
     props["about"] = _describe(material, sigma_a is not None)
     return mi.PluginManager.instance().create_object(props)
+
+
+def _properties(values: Mapping[str, Any]) -> Any:
+    out = mi.Properties("cuticle")
+    for name, value in values.items():
+        out[name] = value
+    return out
 
 
 def _closed_forms(props: Any, fibre: Fibre | Chiang) -> None:
@@ -105,7 +117,7 @@ def _closed_forms(props: Any, fibre: Fibre | Chiang) -> None:
     if isinstance(tables.single, Chiang):
         props["rest"] = _tensor(tables.single.rest)
         props["rest_variance"] = float(tables.single.variance[3])
-    props["sigma_a"] = _spectrum(fibre.absorption)
+    _own_absorption(props, fibre)
 
 
 def _near_field(props: Any, fibre: Chiang) -> None:
@@ -114,7 +126,12 @@ def _near_field(props: Any, fibre: Chiang) -> None:
     for p, (variance, tilt) in enumerate(zip(fibre.variance.tolist(), fibre.tilt.tolist(), strict=True)):
         props[f"variance_{p}"] = variance
         props[f"tilt_{p}"] = tilt
+    _own_absorption(props, fibre)
+
+
+def _own_absorption(props: Any, fibre: Fibre | Chiang) -> None:
     props["sigma_a"] = _spectrum(fibre.absorption)
+    props["absorption"] = str(fibre.absorption)
 
 
 def _function_tables(props: Any, material: Material) -> None:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import mitsuba as mi
+import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from cuticle._support import validate
 from cuticle.fitting.fit import SAMPLINGS
 from cuticle.sampling.lobe_table import MAX_LOBES
 from cuticle.scattering.chiang import Chiang
-from cuticle.scattering.fibre import Fibre
+from cuticle.scattering.fibre import LOBES, Fibre
 from cuticle.scattering.presets import PRESETS
 
 
@@ -70,6 +71,25 @@ class Parameters(BaseModel):
 
 _OWN = dict.fromkeys((*Fibre.model_fields, *sorted(Chiang.model_fields)))
 _NAMES = (*(name for name in Parameters.model_fields if name != "own"), "scale")
+
+
+def changeable(function: Any) -> dict[str, float]:
+    """Return the parameters that `mi.traverse` shows beside textures, by their names in a scene, defaults filled in.
+
+    Roughness, tilt and index of a `Fibre` or a `Chiang`, and its pigments where they make its absorption; of any other
+    function none. Angles are in degrees.
+    """
+    if isinstance(function, Fibre):
+        of_lobes = zip(("alpha", "beta"), np.degrees([function.alpha, function.beta]).tolist(), strict=True)
+        values = {f"{name}_{lobe}": x for name, row in of_lobes for lobe, x in zip(LOBES, row, strict=True)}
+        names = ["beta_N", "eta", "d_f", "d_b"]
+    elif isinstance(function, Chiang):
+        values, names = {}, ["beta_m", "beta_n", "alpha", "eta"]
+    else:
+        return {}
+    if function.sigma_a is None and getattr(function, "color", None) is None:
+        names += ["eumelanin", "pheomelanin"]
+    return values | {name: getattr(function, name) or 0.0 for name in names}
 
 
 def _name(name: str) -> str:

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from cuticle._support import validate
 from cuticle._support.files import make_directory, write_bytes, write_text
 from cuticle._support.plots import figure_bytes
-from cuticle._support.progress import Progress
+from cuticle._support.progress import Progress, expect
 from cuticle.fitting.fit import SAMPLINGS
 from cuticle.grooms.groom import Groom
-from cuticle.render.picture import Image, Pass, over_backdrop, passes, rel_mse, render, srgb
+from cuticle.render.picture import Image, Pass, expected_seconds, over_backdrop, passes, rel_mse, render, srgb
 from cuticle.render.scene import Light, View, bsdf, integrator, load_scene, mitsuba
 
 __all__ = ["Comparison", "Contender", "compare_samplings"]
@@ -146,13 +146,17 @@ def compare_samplings(
         return load_scene(mi, groom, bsdf(fibre, sampling), view=view, light=light, technique=how)
 
     best = scene("lobes", "mis")
+    cases = [(s, t) for t in techniques for s in SAMPLINGS[::-1]]
+    share, long = 0.4, expected_seconds(best, reference_spp)  # of the reference
+    if long is not None:
+        expect(progress, whole := long + seconds * len(cases))
+        share = long / whole
     halves = [
-        render(best, reference_spp // 2, seed=k, progress=lambda _, f, k=k: report("reference", 0.4 * (k - 1 + f) / 2))  # type: ignore[misc]
+        render(best, reference_spp // 2, seed=k, progress=lambda _, f, k=k: report("reference", share * (k - 1 + f) / 2))  # type: ignore[misc]
         for k in (1, 2)
     ]
     reference = (halves[0].image + halves[1].image) / 2
     contenders = []
-    cases = [(s, t) for t in techniques for s in SAMPLINGS[::-1]]
     for number, (sampling, technique) in enumerate(cases):
         running = scene(sampling, technique)
         render(running, 1)  # what only the first pass does
@@ -161,7 +165,7 @@ def compare_samplings(
         for last in passes(running, 1 << 20, seed=3 + number, step=1):
             curve.append((last.spp, last.seconds, rel_mse(last.image, reference)))
             done = min(last.seconds / seconds, 1)
-            report(f"{sampling}, {technique}", 0.4 + 0.6 * (number + done) / len(cases))
+            report(f"{sampling}, {technique}", share + (1 - share) * (number + done) / len(cases))
             if last.seconds >= seconds:
                 break
         assert last is not None

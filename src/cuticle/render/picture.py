@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cuticle._support import validate
 from cuticle._support.files import write_bytes
 
-__all__ = ["FORMATS", "Pass", "over_backdrop", "passes", "rel_mse", "render", "save_picture", "srgb"]
+__all__ = ["FORMATS", "Pass", "expected_seconds", "over_backdrop", "passes", "rel_mse", "render", "save_picture", "srgb"]
 
 FORMATS = (".exr", ".png")
 MAX_SPP = 1 << 20
@@ -64,6 +64,37 @@ def passes(scene: Any, spp: int, *, seed: int = 0, step: int | None = None) -> I
         yield Pass(total / done, done, seconds)
         if step is None and took < _PASS_SECONDS:
             size *= 2
+
+
+_PROBES = (32, 64, 128)  # pixels across; Mitsuba gives each thread 32 x 32
+
+
+def expected_seconds(scene: Any, spp: int) -> float | None:
+    """Return about how long `render` takes, from small pictures of the same view; None in variants that compile for each.
+
+    The first of them does what only a first one does. The time of the others is a constant and a part that grows with
+    pixels.
+    """
+    import mitsuba as mi
+
+    if not mi.variant().startswith("scalar"):
+        return None
+    parameters = mi.traverse(scene.sensors()[0])
+    names = ("film.size", "film.crop_size")
+    before = {name: mi.ScalarVector2u(parameters[name]) for name in names}
+    width, height = (int(n) for n in before["film.size"])
+    took = []
+    for across in _PROBES:
+        size = mi.ScalarVector2u(min(across, width), max(1, round(min(across, width) * height / width)))
+        parameters.update(dict.fromkeys(names, size))
+        begin = time.perf_counter()
+        mi.render(scene, spp=1)
+        took.append((int(size[0]) * int(size[1]), time.perf_counter() - begin))
+    parameters.update(before)
+    (few, short), (many, long) = took[1:]
+    if many == width * height or long <= short:  # the picture itself is small
+        return spp * width * height * long / many
+    return spp * width * height * (long - short) / (many - few)
 
 
 def render(scene: Any, spp: int, *, seed: int = 0, progress: Callable[[str, float], None] | None = None) -> Pass:

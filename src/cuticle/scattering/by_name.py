@@ -7,7 +7,7 @@ from inspect import signature
 from pathlib import Path
 from typing import Any, Protocol
 
-from cuticle._support.files import read_text, reading, toml_tables
+from cuticle._support.files import read_text, read_toml, reading
 from cuticle._support.progress import Progress
 from cuticle.scattering.among_strands import Strands
 from cuticle.scattering.bcsdf import Bcsdf, with_strands
@@ -69,11 +69,8 @@ def read_parameters_or_model(name: str, parameters: Sequence[str] = (), *, progr
     if name in PRESETS:
         return Fibre.preset(name)
     if suffix == ".toml" or Path(name).exists():
-        text = read_text(name, "model")
-        readers = _toml_readers()
-        return readers[next((t for t in toml_tables(text, name) if t in readers), Fibre.table_name)].from_toml(
-            text, source=name
-        )
+        makers = {table: c.from_table for table, c in _toml_readers().items()}
+        return read_toml(read_text(name, "model"), makers, source=name, remedy=Fibre.table_remedy)
     raise ValueError(f"a scattering function must be {known_names()}; got {name!r}")
 
 

@@ -4,7 +4,7 @@ A class becomes one by the decorator `first_class`, in a module of this package.
 
 - `eval(theta_i, theta_r, phi)`, as every `Bcsdf` does;
 - `to_dict()`, values that JSON can hold, and `from_dict(data)`, which makes an equal function of them;
-- `table_name`, if it reads itself from a TOML file with that one table by `from_toml(text, source=...)`;
+- `table_name`, if it reads itself from a TOML file with that one table by `from_table(values)`;
 - `suffixes`, if it reads itself from files with these endings by `load(path)`;
 - `host_tables()`, if the core has closed forms for it; exports carry any other as a compact table.
 
