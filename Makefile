@@ -13,13 +13,14 @@ demo: $(VENV)/.installed
 
 # What proves right results, once on each path; side by side, file by file in their order, which has long ones first.
 PYTEST := $(BIN)/python -m pytest
-SIDE_BY_SIDE := --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
+# One thread each for OpenBLAS: those of several processes wait for one another at full load, which doubles the CPU time.
+SIDE_BY_SIDE := OPENBLAS_NUM_THREADS=1 $(PYTEST) --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 test: $(VENV)/.installed-test
-	$(PYTEST) -m 'not slow and not alone' $(SIDE_BY_SIDE)
+	$(SIDE_BY_SIDE) -m 'not slow and not alone'
 
 # What `make test` leaves out: the same claims over compilers, variants and seeds, long renders, and what measures time.
 test-all: $(VENV)/.installed-test
-	$(PYTEST) -m 'slow and not alone' $(SIDE_BY_SIDE)
+	$(SIDE_BY_SIDE) -m 'slow and not alone'
 	$(PYTEST) -m alone
 
 # Damaged files of every format: no crash, hang, traceback, silent NaN or over-allocation. A share of it is in the tests.
