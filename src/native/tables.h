@@ -29,6 +29,11 @@ template <class Float, int K, class Family> struct Table {
                static_cast<int>(nodes_.shape(1)),
                even} {}
 
+    // One body for all that ask: it is most of what there is to compile.
+    NB_NOINLINE cuticle::PreparedSampler<Float, K, Family> prepared(Float theta_r, Float n) const {
+        return cuticle::prepare(view, theta_r, n);
+    }
+
     // body(i, prepared sampler) for each i; prepared once for a run of like theta_r and strands.
     template <class Body>
     void each(std::size_t count, const In<Float> &theta_r, const In<Float> &n, const Body &body) const {
@@ -38,7 +43,7 @@ template <class Float, int K, class Family> struct Table {
                 const Float t = tr[i], strands = ns[i];
                 std::size_t stop = i + 1;
                 while (stop < end && tr[stop] == t && ns[stop] == strands) ++stop;
-                const auto sampler = cuticle::prepare(view, t, strands);
+                const auto sampler = prepared(t, strands);
                 for (; i < stop; ++i) body(i, sampler);
             }
         });
@@ -122,7 +127,7 @@ template <class Float, int K, class Family> struct Table {
 
     // The lobes at one theta_r: out (2, lobe_parameters, K), those of `second` with weight 0 where there is no blend.
     void mixture(Float theta_r, Float n, Out<Float> out) const {
-        const auto s = cuticle::prepare(view, theta_r, n);
+        const auto s = prepared(theta_r, n);
         const auto write = [&](const cuticle::Lobes<Float, K, Family> &l, Float share, Float *to) {
             for (int k = 0; k < K; ++k) {
                 to[cuticle::lobe_weight * K + k] = share * l.weight[k];

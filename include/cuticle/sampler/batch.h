@@ -84,6 +84,21 @@ template <class Lanes, int K, class Family> struct LaneMixture : LaneSampler<Lan
     }
 };
 
+// The lobes of both rows, weighed by their shares, as those of one mixture.
+template <class Lanes, int K>
+CUTICLE_INLINE void join_rows(const BlendedRows<Lanes, K> &rows, LobeValues<Lanes, 2 * K> &out) {
+    for (int k = 0; k < K; ++k) {
+        out.weight.v[k] = rows.share * rows.first.weight.v[k];
+        out.weight.v[K + k] = rows.rest * rows.second.weight.v[k];
+        for (int i = 0; i < 2; ++i) {  // theta's, then phi's
+            out.mean.v[2 * i * K + k] = rows.first.mean.v[i * K + k];
+            out.mean.v[(2 * i + 1) * K + k] = rows.second.mean.v[i * K + k];
+            out.sigma.v[2 * i * K + k] = rows.first.sigma.v[i * K + k];
+            out.sigma.v[(2 * i + 1) * K + k] = rows.second.sigma.v[i * K + k];
+        }
+    }
+}
+
 // The lobes at one shading point. A blend of two mixtures becomes one mixture of all their lobes.
 template <class Lanes, class T, int K, class Family> struct LanePoint : LaneSampler<LanePoint<Lanes, T, K, Family>, Lanes> {
     LaneLobe<Lanes, Family> lobes[2 * K];
@@ -135,7 +150,11 @@ CUTICLE_INLINE void each_group(const LobeTable<T, K, const T *, Family> &table, 
     groups<Lanes>(count, [&](std::size_t i, int n) {
         const Place<Lanes> at = locate_theta(table, read<Lanes>(theta_r + i, n));
         const RowPosition<Lanes> rows = locate_row(table, each ? read<Lanes>(strands + i, n) : Lanes(strands[0]));
-        if (is_blended(table, rows)) return body(i, n, prepare_blended(table, at, rows));
+        if (is_blended(table, rows)) {
+            LobeValues<Lanes, 2 * K> values;
+            join_rows(blended_rows(table, at, rows), values);
+            return body(i, n, LaneMixture<Lanes, 2 * K, Family>(values, table.even));
+        }
         const LobeValues<Lanes, K> values = values_at(table, at, rows);
         body(i, n, LaneMixture<Lanes, K, Family>(values, table.even));
     });

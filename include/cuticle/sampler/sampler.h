@@ -60,26 +60,41 @@ CUTICLE_INLINE Lobes<Float, K, Family> lobes_at(const LobeTable<Scalar, K, Memor
     return lobes;
 }
 
+// The parameters of both rows whose densities are mixed, and what each weighs; lanes that blend nothing have `first` alone.
+template <class Float, int K> struct BlendedRows {
+    LobeValues<Float, K> first, second;
+    Float share, rest;
+};
 template <class Float, class Scalar, int K, class Memory, class Family>
-CUTICLE_HD PreparedSampler<Float, K, Family> prepare_blended(const LobeTable<Scalar, K, Memory, Family> &table,
-                                                             const Place<Float> &at, const RowPosition<Float> &rows) {
+CUTICLE_INLINE BlendedRows<Float, K> blended_rows(const LobeTable<Scalar, K, Memory, Family> &table, const Place<Float> &at,
+                                                  const RowPosition<Float> &rows) {
     using Traits = ArrayTraits<Float>;
     using Index = typename Traits::Index;
     const LobeValues<Float, K> lower = interpolate_theta(table, rows.row, at);
-    const LobeValues<Float, K> upper = interpolate_theta(table, Index(rows.row + Index(1)), at);
+    BlendedRows<Float, K> out;
+    out.second = interpolate_theta(table, Index(rows.row + Index(1)), at);
     const Index e = rows.row * Index(table.theta_nodes) + at.node, g = e + Index(table.theta_nodes);
     const auto energy = [&](const Index &i) {
         const Float a = Traits::gather(table.energy, i), b = Traits::gather(table.energy, Index(i + Index(1)));
         return math::linear(a, b, at.t);
     };
     const BlendShares<Float> shares = blend_shares(energy(e), energy(g), rows.s);
-    const LobeValues<Float, K> first = lower.mix(select(rows.blend, Float(0), rows.s), upper);
-    PreparedSampler<Float, K, Family> out;
+    out.first = lower.mix(select(rows.blend, Float(0), rows.s), out.second);
     out.share = select(rows.blend, shares.first, Float(1));
     out.rest = select(rows.blend, shares.second, Float(0));
-    out.blended = Traits::any(out.rest > Float(0));
-    out.first.set(first.weight, first.mean, first.sigma, table.even);
-    out.second.set(upper.weight, upper.mean, upper.sigma, table.even);
+    return out;
+}
+
+template <class Float, class Scalar, int K, class Memory, class Family>
+CUTICLE_HD PreparedSampler<Float, K, Family> prepare_blended(const LobeTable<Scalar, K, Memory, Family> &table,
+                                                             const Place<Float> &at, const RowPosition<Float> &rows) {
+    const BlendedRows<Float, K> both = blended_rows(table, at, rows);
+    PreparedSampler<Float, K, Family> out;
+    out.share = both.share;
+    out.rest = both.rest;
+    out.blended = ArrayTraits<Float>::any(out.rest > Float(0));
+    out.first.set(both.first.weight, both.first.mean, both.first.sigma, table.even);
+    out.second.set(both.second.weight, both.second.mean, both.second.sigma, table.even);
     return out;
 }
 
