@@ -49,7 +49,7 @@ $(BIN)/python:
 
 # Compiled for this machine: the extension stays in .venv.
 $(VENV)/.installed: $(NATIVE) | $(BIN)/python
-	@echo "setting up $(VENV): Mitsuba is 60 MB, compiling takes two minutes"
+	@echo "setting up $(VENV): Mitsuba is 60 MB, compiling takes one to two minutes"
 	$(PIP) --config-settings=cmake.define.CUTICLE_NATIVE=ON -e '.[mitsuba]'
 	@touch $@
 
