@@ -2,7 +2,8 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+# Modules are compiled to bytecode when they are first imported; most of what is installed never is.
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet install --no-compile
 NATIVE := $(wildcard src/native/* include/cuticle/* include/cuticle/*/* plugins/mitsuba/*) CMakeLists.txt pyproject.toml
 
 .PHONY: demo test test-all fuzz lint format bench docs pictures clean
@@ -13,13 +14,14 @@ demo: $(VENV)/.installed
 
 # What proves right results, once on each path; side by side, file by file in their order, which has long ones first.
 PYTEST := $(BIN)/python -m pytest
-SIDE_BY_SIDE := --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
+# One thread each for OpenBLAS: those of several processes wait for one another at full load, which doubles the CPU time.
+SIDE_BY_SIDE := OPENBLAS_NUM_THREADS=1 $(PYTEST) --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 test: $(VENV)/.installed-test
-	$(PYTEST) -m 'not slow and not alone' $(SIDE_BY_SIDE)
+	$(SIDE_BY_SIDE) -m 'not slow and not alone'
 
 # What `make test` leaves out: the same claims over compilers, variants and seeds, long renders, and what measures time.
 test-all: $(VENV)/.installed-test
-	$(PYTEST) -m 'slow and not alone' $(SIDE_BY_SIDE)
+	$(SIDE_BY_SIDE) -m 'slow and not alone'
 	$(PYTEST) -m alone
 
 # Damaged files of every format: no crash, hang, traceback, silent NaN or over-allocation. A share of it is in the tests.
@@ -47,15 +49,15 @@ $(BIN)/python:
 
 # Compiled for this machine: the extension stays in .venv.
 $(VENV)/.installed: $(NATIVE) | $(BIN)/python
-	@echo "setting up $(VENV): Mitsuba is 60 MB, compiling takes two minutes"
-	$(PIP) install --config-settings=cmake.define.CUTICLE_NATIVE=ON -e '.[mitsuba]'
+	@echo "setting up $(VENV): Mitsuba is 60 MB, compiling takes one to two minutes"
+	$(PIP) --config-settings=cmake.define.CUTICLE_NATIVE=ON -e '.[mitsuba]'
 	@touch $@
 
 # Pages are opened in a browser and shaders validated: Debian's tools are installed where that can be done, else the tests say
 # why they are skipped.
 TOOLS := chromium chromium-driver fonts-dejavu-core glslang-tools spirv-cross clang
 $(VENV)/.installed-test: $(VENV)/.installed
-	$(PIP) install 'alembic3d>=1.8.12' 'hypothesis>=6' 'karellen-llvm-core>=19' 'materialx==1.39.5' 'pytest>=8' 'pytest-xdist>=3.7' \
+	$(PIP) 'alembic3d>=1.8.12' 'hypothesis>=6' 'karellen-llvm-core>=19' 'materialx==1.39.5' 'pytest>=8' 'pytest-xdist>=3.7' \
 		'selenium>=4.20' 'usd-core>=23.11'
 	@if command -v chromium >/dev/null && command -v chromedriver >/dev/null && command -v glslangValidator >/dev/null \
 		&& command -v clang++ >/dev/null && command -v spirv-cross >/dev/null; then :; \
@@ -67,7 +69,7 @@ $(VENV)/.installed-test: $(VENV)/.installed
 	@touch $@
 
 $(VENV)/.installed-lint: $(VENV)/.installed
-	$(PIP) install 'clang-format==19.1.7' 'mypy>=1.11' 'ruff>=0.8'
+	$(PIP) 'clang-format==19.1.7' 'mypy>=1.11' 'ruff>=0.8'
 	@touch $@
 
 # The pictures in docs/, and docs/document.md, whose numbers the program writes.

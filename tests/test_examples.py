@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -14,14 +15,22 @@ import cuticle
 from conformance.hosts import nvcc, spirv_of
 from cuticle.export import export
 from cuticle.export.headers import cmake_dir
+from cuticle.export.registry import Export
 
 ROOT = Path(__file__).parents[1]
+slow = pytest.mark.slow
 COMPILE = ["-std=c++17", "-O2", "-Wall", "-Wextra", "-Werror"]
 
 
 @pytest.fixture(scope="module")
 def brown() -> cuticle.Sampler:
     return cuticle.fit(cuticle.DualScattering(cuticle.Fibre.preset("brown")), 4, strands=(0, 1, 2, 4, 8)).sampler
+
+
+@cache
+def exported(sampler: cuticle.Sampler, host: str, with_model: bool = False) -> Export:
+    """An export measures what its heading says: made once."""
+    return export(sampler, host, name="brown", with_model=with_model)
 
 
 def compiler() -> str:
@@ -46,7 +55,7 @@ def run(command: list[str], folder: Path) -> str:
 
 def test_the_program_tests_its_own_samples(brown: cuticle.Sampler, tmp_path: Path) -> None:
     shutil.copy(ROOT / "examples/cpp/main.cpp", tmp_path)
-    text = export(brown, "cpp", name="brown").text
+    text = exported(brown, "cpp").text
     (tmp_path / "brown.h").write_text(text)
     run([compiler(), *COMPILE, "main.cpp", "-o", "main"], tmp_path)
     assert "samples follow the pdf" in run(["./main"], tmp_path)
@@ -128,7 +137,7 @@ def pbrt_main(folder: Path, sampler: cuticle.Sampler, include: str, entry: str =
         file = folder / "pbrt" / name
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(f'#include "{ROOT / "tests/hosts/pbrt.h"}"\n')
-    (folder / "pbrt/brown.h").write_text(export(sampler, "pbrt", name="brown").text)
+    (folder / "pbrt/brown.h").write_text(exported(sampler, "pbrt").text)
     files = "".join(PBRT_FILES.values()).format(entry=entry)
     main = folder / "main.cpp"
     main.write_text(
@@ -154,7 +163,7 @@ def pbrt_main(folder: Path, sampler: cuticle.Sampler, include: str, entry: str =
     return main
 
 
-@pytest.mark.parametrize("gpu", [False, True])
+@pytest.mark.parametrize("gpu", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_pbrt(brown: cuticle.Sampler, gpu: bool, tmp_path: Path) -> None:
     pbrt_main(tmp_path, brown, "{line}")
     flags = [*COMPILE, "-Wno-unused-parameter", "-I.", *(["-DPBRT_IS_GPU_CODE"] if gpu else [])]
@@ -170,10 +179,12 @@ def test_pbrt(brown: cuticle.Sampler, gpu: bool, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("slip", "include", "flags", "entry"),
     [
-        ("the include within namespace pbrt", "namespace pbrt {{\n{line}\n}}", [], ", BrownHairBxDF"),
+        pytest.param(
+            "the include within namespace pbrt", "namespace pbrt {{\n{line}\n}}", [], ", BrownHairBxDF", marks=slow
+        ),
         ("no entry in the tagged pointer", "{line}", [], ""),
         ("no include before the dispatch", "", [], ", BrownHairBxDF"),
-        ("no forward declarations", "", ["-DPBRT_NOT_DECLARED"], ", BrownHairBxDF"),
+        pytest.param("no forward declarations", "", ["-DPBRT_NOT_DECLARED"], ", BrownHairBxDF", marks=slow),
     ],
 )
 def test_a_slip_in_pbrts_files_is_caught(
@@ -186,14 +197,14 @@ def test_a_slip_in_pbrts_files_is_caught(
 
 def test_pbrts_page_shows_the_lines_that_the_command_prints(brown: cuticle.Sampler) -> None:
     page = (ROOT / "examples/pbrt.md").read_text(encoding="utf-8")
-    assert export(brown, "pbrt", name="brown").remarks.split("\n\n", 1)[1].strip() in page
+    assert exported(brown, "pbrt").remarks.split("\n\n", 1)[1].strip() in page
 
 
 def test_cycles(brown: cuticle.Sampler, tmp_path: Path) -> None:
     (tmp_path / "kernel/closure").mkdir(parents=True)
     (tmp_path / "kernel/util").mkdir()
     (tmp_path / "kernel/util/colorspace.h").write_text("")  # what the page takes of it is in the stand-in
-    (tmp_path / "kernel/closure/brown.h").write_text(export(brown, "cpp", name="brown", with_model=True).text)
+    (tmp_path / "kernel/closure/brown.h").write_text(exported(brown, "cpp", True).text)
     (tmp_path / "main.cpp").write_text(
         f'#include "{ROOT / "tests/hosts/cycles.h"}"\n{block("cycles.md", "cpp")}\n#include <cstdio>\n'
         "int main() {\n"
@@ -231,7 +242,7 @@ def test_glsl(brown: cuticle.Sampler, version: str, tmp_path: Path) -> None:
     if validator is None:
         pytest.skip("glslangValidator is not installed (Debian: apt-get install glslang-tools)")
     head = f"#version {version}\nprecision highp float;\nlayout(location = 0) out vec4 color;\n"
-    made = export(brown, "glsl", name="brown", with_model=True).text
+    made = exported(brown, "glsl", True).text
     body = "\nvoid main() { Bounce b = scatter(vec3(0, 0, 1), vec3(1, 0, 0), vec3(.2, .3, .4), 0.);\n"
     body += "  color = vec4(b.throughput, b.pdf) + toward_light(vec3(0, 0, 1), b.direction, vec3(1, 0, 0), 2.); }\n"
     (tmp_path / "shader.frag").write_text(head + made + block("rtx.md", "glsl") + body)
@@ -239,7 +250,7 @@ def test_glsl(brown: cuticle.Sampler, version: str, tmp_path: Path) -> None:
 
 
 def test_hlsl(brown: cuticle.Sampler, tmp_path: Path) -> None:
-    made = export(brown, "hlsl", name="brown", with_model=True).text
+    made = exported(brown, "hlsl", True).text
     main = "\nfloat4 main() : SV_Target {\n"
     main += "  Bounce b = scatter(float3(0, 0, 1), float3(1, 0, 0), float3(.2, .3, .4), 0.0);\n"
     main += "  float4 l = toward_light(float3(0, 0, 1), b.direction, float3(1, 0, 0), 2.0);\n"
@@ -251,7 +262,7 @@ def test_cuda(brown: cuticle.Sampler, tmp_path: Path) -> None:
     found = nvcc()
     if found is None:
         pytest.skip("no nvcc")
-    (tmp_path / "brown.cuh").write_text(export(brown, "cuda", name="brown", with_model=True).text)
+    (tmp_path / "brown.cuh").write_text(exported(brown, "cuda", True).text)
     kernel = "__global__ void f(float3 w, float3 u, float3 *o) { *o = scatter(w, u, 2.f).throughput; }\n"
     (tmp_path / "main.cu").write_text(block("rtx.md", "cuda") + kernel)
     run([found, "-std=c++17", "--Werror", "all-warnings", "-c", "main.cu", "-o", "main.o"], tmp_path)

@@ -1,4 +1,4 @@
-// The whole core. A folder includes what stands above it here, never what stands below:
+// The whole core. A folder includes those above it in this list, never those below:
 //   math        functions of a number or of an array type, angles
 //   simd        packs: numbers side by side in the compiler's vectors
 //   sampler     the densities of lobes, their mixture, the table they run through, arrays of directions

@@ -29,8 +29,14 @@ template <class Float, int K, class Family> struct Table {
                static_cast<int>(nodes_.shape(1)),
                even} {}
 
-    // body(i, prepared sampler) for each i; prepared once for a run of like theta_r and strands.
-    template <class Body>
+    // One body for all that can afford a call: it is most of what there is to compile.
+    NB_NOINLINE cuticle::PreparedSampler<Float, K, Family> prepared(Float theta_r, Float n) const {
+        return cuticle::prepare(view, theta_r, n);
+    }
+
+    // body(i, prepared sampler) for each i; prepared once for a run of like theta_r and strands. Inlined for doubles, whose
+    // runs may be of one direction; floats come here with one viewer only.
+    template <bool Inlined = !std::is_same_v<Float, float>, class Body>
     void each(std::size_t count, const In<Float> &theta_r, const In<Float> &n, const Body &body) const {
         const auto tr = broadcast(theta_r), ns = broadcast(n);
         parallel_for(count, 1024, [&](std::size_t begin, std::size_t end) {
@@ -38,8 +44,11 @@ template <class Float, int K, class Family> struct Table {
                 const Float t = tr[i], strands = ns[i];
                 std::size_t stop = i + 1;
                 while (stop < end && tr[stop] == t && ns[stop] == strands) ++stop;
-                const auto sampler = cuticle::prepare(view, t, strands);
-                for (; i < stop; ++i) body(i, sampler);
+                const auto run = [&](const auto &sampler) {
+                    for (; i < stop; ++i) body(i, sampler);
+                };
+                if constexpr (Inlined) run(cuticle::prepare(view, t, strands));
+                else run(prepared(t, strands));
             }
         });
     }
@@ -113,7 +122,7 @@ template <class Float, int K, class Family> struct Table {
     void lobe(int coordinate, bool inverse, int k, bool second, const In<Float> &x, const In<Float> &theta_r,
               const In<Float> &n, Out<Float> out) const {
         const auto xs = broadcast(x);
-        each(out.size(), theta_r, n, [&](std::size_t i, const auto &s) {
+        each<false>(out.size(), theta_r, n, [&](std::size_t i, const auto &s) {
             const auto &l = second ? s.second : s.first;
             out.data()[i] = coordinate == int(Coordinate::theta) ? (inverse ? l.icdf_theta(k, xs[i]) : l.cdf_theta(k, xs[i]))
                                                                  : (inverse ? l.icdf_phi(k, xs[i]) : l.cdf_phi(k, xs[i]));
@@ -122,7 +131,7 @@ template <class Float, int K, class Family> struct Table {
 
     // The lobes at one theta_r: out (2, lobe_parameters, K), those of `second` with weight 0 where there is no blend.
     void mixture(Float theta_r, Float n, Out<Float> out) const {
-        const auto s = cuticle::prepare(view, theta_r, n);
+        const auto s = prepared(theta_r, n);
         const auto write = [&](const cuticle::Lobes<Float, K, Family> &l, Float share, Float *to) {
             for (int k = 0; k < K; ++k) {
                 to[cuticle::lobe_weight * K + k] = share * l.weight[k];

@@ -1,9 +1,9 @@
-// How many strands lie between a point and the light: a grid of hair density, anisotropic in the strands' direction.
+// Counts the strands between a point and the light, by a grid of hair density that depends on direction.
 //
-// A piece of strand of length l, radius r and direction t has the shadow 2 r l |sin(t, d)| across a ray along d. A cell
-// holds M = Σ 2 r l t tᵀ / volume; its trace is the shadow of all pieces across their own direction, and the strands that a
-// ray crosses per unit length are about tr M sqrt(1 - dᵀ M d / tr M): exact where the cell's strands are parallel, 4 % high
-// where they point everywhere alike (√(2/3) for π/4), 41 % high where half of them lie along the ray and half across it.
+// A piece of strand of length l, radius r and direction t casts the shadow 2 r l |sin(t, d)| along a ray of direction d. A
+// cell holds M = Σ 2 r l t tᵀ / volume, whose trace is the shadow of all pieces seen from the side. A ray crosses about tr
+// M sqrt(1 - dᵀ M d / tr M) strands per unit length: exact where the cell's strands are parallel, 4 % high where they point
+// in all directions alike (√(2/3) for π/4), 41 % high where half of them lie along the ray and half across it.
 #ifndef CUTICLE_GROOM_DENSITY_GRID_H
 #define CUTICLE_GROOM_DENSITY_GRID_H
 
@@ -14,16 +14,16 @@ namespace cuticle {
 // The upper triangle of M: xx, yy, zz, xy, xz, yz.
 constexpr int density_columns = 6;
 
-// A view, owning nothing: cells[z][y][x][density_columns] over the box from `lower`, each `cell` wide. Memory is a pointer,
-// or whatever ArrayTraits::gather takes.
+// A view that owns nothing: cells[z][y][x][density_columns] over the box from `lower`, each `cell` wide. Memory is a
+// pointer, or whatever ArrayTraits::gather takes.
 template <class Scalar, class Memory = const Scalar *> struct DensityGrid {
     Memory cells;
     int size[3];  // cells along x, y, z
     Scalar lower[3], cell[3];
 };
 
-// Adds a piece of strand from a to b, of one radius, to the cells (which are the view's, not const): in steps of at most a
-// quarter of a cell, each to the cell of its middle. What lies outside the box is left out.
+// Adds a straight piece of strand of constant radius, from a to b, to `cells` (the view's own, but writable), in steps of
+// at most a quarter of a cell, each into the cell of its midpoint. Steps outside the box are left out.
 template <class Scalar>
 void deposit_strand(const DensityGrid<Scalar> &grid, Scalar *cells, const Scalar *a, const Scalar *b, Scalar radius) {
     Scalar along[3], length = Scalar(0), steps = Scalar(1);
@@ -51,8 +51,8 @@ void deposit_strand(const DensityGrid<Scalar> &grid, Scalar *cells, const Scalar
     }
 }
 
-// The same hair in cells `factor` times as wide, from the same corner on: how many along each axis, and their values, the
-// means of those they hold. Fewer steps to walk, where a blur of the hair does no harm.
+// The same hair in cells `factor` times as wide, from the same corner: their number along an axis, and their values, means
+// over the finer cells. A walk takes fewer steps, for uses that tolerate the blur.
 constexpr int coarse_size(int size, int factor) { return (size + factor - 1) / factor; }
 template <class Scalar> void coarsen(const DensityGrid<Scalar> &grid, int factor, Scalar *cells) {
     const int wide = coarse_size(grid.size[0], factor), high = coarse_size(grid.size[1], factor);
@@ -81,7 +81,7 @@ CUTICLE_HD Float crossing_rate(const Memory &cells, const typename ArrayTraits<F
     return math::sqrt(math::max(Float(trace * (trace - along)), Float(0)));
 }
 
-// Where a walk from cell to cell has come to (Amanatides and Woo 1987); distances from where the ray enters the box.
+// The state of a walk from cell to cell (Amanatides and Woo 1987); distances are from where the ray enters the box.
 template <class Float> struct GridWalk {
     using Index = typename ArrayTraits<Float>::Index;
     Float next[3];  // distance to the border ahead along each axis
@@ -91,8 +91,8 @@ template <class Float> struct GridWalk {
     template <class Use> auto apply(const Use &use) { return use(next[0], next[1], next[2], first, here, total); }
 };
 
-// Expected number of strands on the way from `origin` along the unit direction `d`, up to `distance`: the sum of the rates
-// of the cells on the way, each times the length within it.
+// Expected number of strands from `origin` along the unit direction `d`, up to `distance`: the sum over the cells of the
+// rate in a cell times the length within it.
 template <class Float, class Scalar, class Memory>
 CUTICLE_HD Float count_strands(const DensityGrid<Scalar, Memory> &grid, const Float *origin, const Direction<Float> &d,
                                const Float &distance) {
@@ -100,7 +100,7 @@ CUTICLE_HD Float count_strands(const DensityGrid<Scalar, Memory> &grid, const Fl
     using Index = typename Traits::Index;
     const Float far = Float(largest<Float>), zero = Float(0);
     const Float along[3] = {d.x, d.y, d.z};
-    // Where the ray is inside the box. A direction without a component along an axis meets neither border of it.
+    // The part of the ray inside the box. A direction without a component along an axis meets neither of its borders.
     Float slow[3], enter = zero, leave = distance;
     for (int a = 0; a < 3; ++a) {
         const Float low = Float(grid.lower[a]) - origin[a], high = low + Float(grid.cell[a]) * Float(grid.size[a]);
@@ -112,8 +112,8 @@ CUTICLE_HD Float count_strands(const DensityGrid<Scalar, Memory> &grid, const Fl
         leave = math::min(leave, math::max(to_low, to_high));
         slow[a] = select(still, far, slow[a]);
     }
-    // Per axis: how far apart borders are, and what a step adds to the cell's place in memory. The walk ends before the
-    // rounding of its sums could take it past the last cell.
+    // Per axis: the distance between borders, and what a step adds to the cell's index. The walk ends before the rounding
+    // of its sums could take it past the last cell.
     Float apart[3], end = leave - enter;
     Index step[3];
     GridWalk<Float> walk;

@@ -1,5 +1,5 @@
-// The conventions, once: i = toward the light (sampled), r = toward the viewer (given).
-// theta in [-pi/2, pi/2] from the normal plane, positive along +tangent; phi = phi_i - phi_r in (-pi, pi].
+// Angle conventions. i points toward the light (sampled), r toward the viewer (given).
+// theta in [-pi/2, pi/2] is measured from the normal plane, positive along +tangent; phi = phi_i - phi_r in (-pi, pi].
 #ifndef CUTICLE_MATH_ANGLES_H
 #define CUTICLE_MATH_ANGLES_H
 
@@ -31,7 +31,7 @@ template <class Float> CUTICLE_HD Float theta_of(const Direction<Float> &w) {
 
 template <class Float> CUTICLE_HD Float phi_of(const Direction<Float> &w) { return math::atan2(w.z, w.y); }
 
-// A lobe's shift alpha and width beta are published in theta_h; in theta_i both are twice that.
+// Papers give a lobe's shift alpha and width beta in theta_h; in theta_i both are twice as large.
 template <class Float> CUTICLE_HD Float half_angle_to_theta(const Float &x) { return Float(2) * x; }
 
 }  // namespace cuticle

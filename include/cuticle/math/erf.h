@@ -7,14 +7,15 @@
 namespace cuticle {
 namespace math {
 
-// A division put off, so that several become one.
+// A quotient whose division is deferred, so that several divisions can be merged into one.
 template <class T> struct Quotient {
     T over, under;
 };
 
-// erf in single precision: x P(x²)/Q(x²) on |x| <= erf_limit, our own minimax fits (benchmarks/fit_polynomials.py). Fine:
-// relative error 3e-8 before rounding, 4e-7 with it, so at most 1 + 2e-7. The other one has a coefficient less and 1.4e-7
-// before rounding: enough for a norm, but not for a cdf that is inverted near its ends.
+// erf in single precision as x P(x²)/Q(x²) for |x| <= erf_limit; minimax fits of benchmarks/fit_polynomials.py.
+// Fine: relative error 3e-8 before rounding and 4e-7 after it; the result is at most 1 + 2e-7.
+// Not Fine: one coefficient fewer, 1.4e-7 before rounding. That suffices for a norm, but not for a cdf that is inverted
+// near its ends.
 template <bool Fine> inline constexpr float erf_limit = Fine ? 4.f : 3.7f;
 template <bool Fine, class T> CUTICLE_INLINE Quotient<T> erf_held(const T &x) {
     const T t = x * x;
@@ -44,8 +45,8 @@ template <class T> CUTICLE_INLINE Quotient<T> erf_quotient(const T &x) {
     }
 }
 
-// At the ends of an interval about a mean: what is known to lie well below the limit at the lower one, or above it at the
-// upper one, is held from one side.
+// erf at an end of an interval around a mean. A lower end can only pass the negative limit, an upper end only the positive
+// one, so each is clamped on one side.
 template <bool Lower, bool Fine, class T> CUTICLE_INLINE Quotient<T> erf_end(const T &x) {
     if constexpr (std::is_same_v<scalar_t<T>, float>)
         return erf_held<Fine>(Lower ? max(x, T(-erf_limit<Fine>)) : min(x, T(erf_limit<Fine>)));
@@ -57,9 +58,9 @@ template <class T> CUTICLE_INLINE T erf(const T &x) {
     return q.over / q.under;
 }
 
-// The inverse of erf to single precision, over p, by way of w = -ln(1 - p²) as M. Giles, "Approximating the erfinv function"
-// (2010): his polynomial for w < 5, where |p| <= .9966, after Estrin, by half the wait of Horner's rule; beyond, a
-// polynomial of √w of our own goes on to w = 38 (benchmarks/fit_polynomials.py). Only the latter is rare.
+// erfinv(p) / p to single precision as a function of w = -ln(1 - p²), after M. Giles, "Approximating the erfinv function"
+// (2010). For w < 5, where |p| <= .9966: his polynomial by Estrin's scheme, which has half the latency of Horner's. Beyond:
+// a polynomial in √w of our own, up to w = 38 (benchmarks/fit_polynomials.py), which is rarely needed.
 template <class T> CUTICLE_INLINE T erfinv_depth(const T &p) {
     return -math::log(max(T((T(1) - p) * (T(1) + p)), T(5e-17)));
 }
@@ -81,8 +82,8 @@ template <class T> CUTICLE_INLINE T erfinv_single(const T &p) {
     return p * select(w < T(5), central, erfinv_tail(w));
 }
 
-// exp(x²) erfc(x) for x >= 0 in single precision: t P(t), t = 1/(1 + x/2), relative error 7e-7 before rounding up to x = 8
-// (benchmarks/fit_polynomials.py).
+// exp(x²) erfc(x) for x >= 0 in single precision, as t P(t) with t = 1/(1 + x/2); relative error 7e-7 before rounding for x
+// up to 8 (benchmarks/fit_polynomials.py).
 template <class T> CUTICLE_INLINE T erfcx_single(const T &x) {
     const T t = T(1) / (T(1) + T(.5) * x);
     const T c[] = {T(.0921253413f), T(-.370669425f), T(.408955753f), T(.0237087235f),
@@ -91,8 +92,8 @@ template <class T> CUTICLE_INLINE T erfcx_single(const T &x) {
 }
 template <class T> CUTICLE_INLINE T erfc_single(const T &x) { return math::decay(T(-x * x)) * erfcx_single(x); }
 
-// The same to the precision of the type: in double two Halley steps on erf. What rounding left outside [-1, 1] is taken for
-// the end (by erfinv_single's max, too).
+// erfinv(p) to the precision of the type; double precision adds two Halley steps on erf. Arguments that rounding pushed
+// outside [-1, 1] are clamped (in single precision by the max in erfinv_depth).
 template <class T> CUTICLE_INLINE T erfinv(const T &p_) {
     if constexpr (std::is_same_v<scalar_t<T>, float>) {
         return erfinv_single(p_);
@@ -112,9 +113,9 @@ template <class T> CUTICLE_HD T erfc(const T &x) {
     return erfc(x);
 }
 
-// Scaled complementary error function exp(x²) erfc(x) for x >= 0: below 3 the polynomial or, in double precision, the
-// product, both of whose factors are far from under- and overflow; else the continued fraction of erfc (DLMF 7.9.3), from
-// its tail.
+// Scaled complementary error function exp(x²) erfc(x) for x >= 0. Below 3: the polynomial or, in double precision, the
+// product, whose factors neither overflow nor underflow there. From 3 on: the continued fraction of erfc (DLMF 7.9.3),
+// evaluated from its tail.
 template <class T> CUTICLE_HD T erfcx(const T &x) {
     const T small = min(x, T(3)), large = max(x, T(3));
     T tail = large;

@@ -1,9 +1,8 @@
-// Mathematics the core needs, written so that one body serves float, double and array types.
+// Mathematical functions of the core. One body serves float, double and array types.
 //
-// float on the host goes through polynomials without calls or branches, so that a loop over lobes becomes vector
-// instructions; double goes through the standard library. An array type (Dr.Jit's, a pack) brings its own functions: they
-// are found by argument-dependent lookup in its namespace, sqrt in place of std::sqrt and, where it has a quicker way than
-// the one here, max, min and decay in place of math::defaults'.
+// On the host, float uses polynomials without calls or branches, so that loops over lobes become vector instructions;
+// double uses the standard library. An array type (Dr.Jit's, a pack) brings its own functions, found by argument-dependent
+// lookup: sqrt in place of std::sqrt and, if it has faster ones, max, min and decay in place of those in math::defaults.
 #ifndef CUTICLE_MATH_FUNCTIONS_H
 #define CUTICLE_MATH_FUNCTIONS_H
 
@@ -17,16 +16,16 @@
 
 namespace cuticle {
 
-// What an array type (Dr.Jit's, a SIMD packet) has to tell, by a specialisation; everything else it is used for, operators,
-// select(mask, a, b) and functions such as sqrt or erf, is found in its own namespace.
+// An array type (Dr.Jit's, a pack) specialises this. Its operators, select(mask, a, b) and functions such as sqrt or erf
+// are found in its own namespace.
 template <class T> struct ArrayTraits {
-    using Scalar = T;   // of one lane
-    using Index = int;  // of a lane into memory
+    using Scalar = T;   // one lane
+    using Index = int;  // a lane's index into memory
     static CUTICLE_HD Index to_index(const T &x) { return static_cast<int>(x); }
     template <class Memory> static CUTICLE_HD T gather(const Memory &memory, const Index &index) { return T(memory[index]); }
-    // Whether any lane is set; an array whose lanes are not known yet answers true.
+    // Whether any lane is set; true for a traced array, whose lanes are not known yet.
     static CUTICLE_HD bool any(bool mask) { return mask; }
-    // while (condition(state)) body(state), each lane for as long as its own condition holds.
+    // while (condition(state)) body(state); each lane runs as long as its own condition holds.
     template <class State, class Condition, class Body>
     static CUTICLE_HD void loop(State &state, const Condition &condition, const Body &body) {
         while (condition(state)) body(state);
@@ -39,12 +38,12 @@ template <class Float> inline constexpr scalar_t<Float> pi = scalar_t<Float>(3.1
 template <class Float> inline constexpr scalar_t<Float> half_pi = scalar_t<Float>(1.57079632679489661923);
 template <class Float> inline constexpr scalar_t<Float> sqrt_half = scalar_t<Float>(0.70710678118654752440);
 template <class Float> inline constexpr scalar_t<Float> two_over_sqrt_pi = scalar_t<Float>(1.12837916709551257390);
-// What std::numeric_limits knows, as constants: device code may not call its functions.
+// Values of std::numeric_limits as constants: device code may not call its functions.
 template <class Float> inline constexpr scalar_t<Float> epsilon = std::numeric_limits<scalar_t<Float>>::epsilon();
 template <class Float> inline constexpr scalar_t<Float> smallest = std::numeric_limits<scalar_t<Float>>::min();
 template <class Float> inline constexpr scalar_t<Float> largest = std::numeric_limits<scalar_t<Float>>::max();
 
-// Array types replace this by an overload on their mask.
+// Array types overload this for their mask.
 CUTICLE_HD inline float select(bool mask, float a, float b) { return mask ? a : b; }
 CUTICLE_HD inline double select(bool mask, double a, double b) { return mask ? a : b; }
 CUTICLE_HD inline int select(bool mask, int a, int b) { return mask ? a : b; }
@@ -116,7 +115,7 @@ CUTICLE_INLINE T polynomial(const T &x, const T &high, const T &next, const Rest
     return polynomial(x, T(high * x + next), rest...);
 }
 
-// The same after Estrin: a few more multiplications, half of Horner's wait.
+// The same by Estrin's scheme: a few more multiplications, half the latency of Horner's.
 template <int N, class T> CUTICLE_INLINE T estrin(const T &x, const T (&c)[N]) {
     if constexpr (N == 1) {
         return c[0];
@@ -131,7 +130,7 @@ template <int N, class T> CUTICLE_INLINE T estrin(const T &x, const T (&c)[N]) {
 
 // 2^n for the integer n nearest to t <= 0, and n itself.
 CUTICLE_HD inline float round_power(const float &t, float &rounded) {
-    const float held = t > -127.f ? t : -127.f;  // so is NaN
+    const float held = t > -127.f ? t : -127.f;  // NaN, too
     const std::int32_t n = static_cast<std::int32_t>((held < 127.f ? held : 127.f) - .5f);
     rounded = static_cast<float>(n);
     const std::uint32_t bits = static_cast<std::uint32_t>(n + 127) << 23;
@@ -140,9 +139,9 @@ CUTICLE_HD inline float round_power(const float &t, float &rounded) {
     return power;
 }
 
-// exp(x) for x <= 0, the only exponents a density has. In single precision: 2^n times a minimax polynomial of degree 5 on
-// [-½ ln 2, ½ ln 2] (benchmarks/fit_polynomials.py), relative error below 3e-7. Below -60 it stays at 9e-27: the factors it
-// meets then never make it a denormal, which would cost more than everything else together.
+// exp(x) for x <= 0; densities need no other exponents. In single precision: 2^n times a minimax polynomial of degree 5 on
+// [-½ ln 2, ½ ln 2] (benchmarks/fit_polynomials.py), relative error below 3e-7. It never falls below 9e-27, so that no
+// product with it becomes a denormal, which would cost more than everything else together.
 template <class T> CUTICLE_INLINE T decay_single(const T &x_) {
     const T x = max(x_, T(-60.f));
     T n;
@@ -165,7 +164,7 @@ CUTICLE_HD inline float decay(float x) {
 #endif
 }
 
-// 1 - exp(-x) for x >= 0, the exponential being known; of small x in single precision with its digits.
+// 1 - exp(-x) for x >= 0, given the exponential. In single precision a series replaces the difference at small x.
 template <class T> CUTICLE_INLINE T one_less_decay(const T &x, const T &decayed) {
     const T whole = T(1) - decayed;
     if constexpr (!std::is_same_v<scalar_t<T>, float>) {
@@ -177,9 +176,8 @@ template <class T> CUTICLE_INLINE T one_less_decay(const T &x, const T &decayed)
     }
 }
 
-// log for float, for normal x > 0: exponent and, with r = m - 1 on [√½ - 1, √2 - 1), r times a minimax polynomial
-// (benchmarks/fit_polynomials.py); relative error below 4e-7. A call to the library would cost as much as the rest of an
-// inverse.
+// log of a normal float x > 0: the exponent times ln 2, plus r times a minimax polynomial in r = m - 1 on [√½ - 1, √2 - 1)
+// (benchmarks/fit_polynomials.py); relative error below 4e-7. A library call would double the cost of an inverse cdf.
 CUTICLE_INLINE float split_power(const float &x, float &exponent) {
     std::uint32_t bits;
     std::memcpy(&bits, &x, sizeof bits);
@@ -199,22 +197,22 @@ template <class T> CUTICLE_INLINE T log_single(const T &x) {
 }
 CUTICLE_INLINE float log(float x) { return log_single(x); }
 
-// An angle less whole turns, to within rounding of [-pi, pi].
+// Reduces an angle by whole turns to [-pi, pi], up to rounding.
 template <class T> CUTICLE_INLINE T nearest_turn(const T &x) {
     return x - T(2 * pi<double>) * math::floor(T(x * T(.5 / pi<double>) + T(.5)));
 }
 
-// An angle to (-pi, pi].
+// Reduces an angle to (-pi, pi].
 template <class T> CUTICLE_INLINE T wrap_angle(const T &x) {
     const T r = nearest_turn(x);
     return clamp(T(select(r <= T(-pi<T>), T(pi<T>), r)), T(-pi<T>), T(pi<T>));
 }
 
-// From a to b by the share t.
+// Linear interpolation: a at t = 0, b at t = 1.
 template <class Value, class Float> CUTICLE_INLINE Value linear(const Value &a, const Value &b, const Float &t) {
     return a + t * (b - a);
 }
-// The same as a convex sum: rounding never makes it negative.
+// The same as a convex combination: rounding never makes it negative for a, b >= 0.
 template <class Value, class Float> CUTICLE_INLINE Value convex(const Value &a, const Value &b, const Float &t) {
     return (Float(1) - t) * a + t * b;
 }
@@ -230,13 +228,13 @@ template <class T> CUTICLE_INLINE T sin_single(const T &x) {
     return x * polynomial(t, T(2.60190274e-6f), T(-1.98074186e-4f), T(8.33302514e-3f), T(-.166666567f), T(1.f));
 }
 
-// By a choice, where there is no function for it.
+// copysign by selection, for languages without that function.
 template <class T> CUTICLE_INLINE T copysign_chosen(const T &x, const T &sign) {
     const T size = math::abs(x);
     return select(sign < T(0), T(-size), size);
 }
 
-// sin and cos of any angle, error below 2e-7: for vectors, and for shaders, whose own may be off by 5e-4.
+// sin and cos of any angle, error below 2e-7; for vectors, and for shaders, whose own may be off by 5e-4.
 template <class T> CUTICLE_INLINE T sin_turned(const T &x) {
     const T r = nearest_turn(x), far = math::abs(r);
     return copysign_chosen(sin_single(min(far, T(T(pi<T>) - far))), r);
@@ -245,8 +243,8 @@ template <class T> CUTICLE_INLINE T cos_turned(const T &x) {
     return sin_single(T(T(half_pi<T>) - math::abs(nearest_turn(x))));
 }
 
-// cos theta for |theta| <= pi/2 with relative precision up to the poles (the plain cosine of the
-// float next to pi/2 is negative), held above the type's epsilon so that 1/cos stays finite.
+// cos(theta) for |theta| <= pi/2 with full relative precision up to the poles, where the plain cosine of the float next to
+// pi/2 is negative. At least the type's epsilon, so that 1/cos stays finite.
 template <class T> CUTICLE_INLINE T cos_theta_single(const T &theta) {
     const T x = (T(half_pi<T>) - math::abs(theta)) - T(4.37113883e-8f);
     return max(sin_single(x), T(epsilon<T>));
@@ -264,24 +262,24 @@ template <class T> CUTICLE_INLINE T cos_theta(const T &theta) {
 
 }  // namespace math
 
-// A place among nodes: the one below, and the fraction towards the next.
+// A position among nodes: the node below it, and the fraction of the way to the next.
 template <class Float> struct Place {
     typename ArrayTraits<Float>::Index node;
     Float t;
 };
 
-// Whether a lane is above a limit; NaN is.
+// Whether any lane is above a limit; NaN counts as above.
 template <class T> CUTICLE_INLINE bool any_above(const T &x, const T &limit) {
     if constexpr (std::is_arithmetic_v<T>) return !(x <= limit);
     else return ArrayTraits<T>::any(select(x <= limit, T(0), T(1)) > T(0));
 }
 
-// The whole number at or below x, held to [0, last] whatever bits x has: every look-up in a table goes through here.
-// Compared in this order, NaN gives 0.
+// x rounded down and clamped to [0, last], for any bits of x; every table look-up goes through here. The order of the
+// comparisons makes NaN give 0.
 template <class Float> CUTICLE_INLINE typename ArrayTraits<Float>::Index truncated(const Float &x, int last) {
     return ArrayTraits<Float>::to_index(math::min(math::max(Float(0), x), Float(last)));
 }
-// As integers, too, where the compiler (with -ffast-math, a shader's) may compare the other way round.
+// Clamps the integer as well where the compiler may swap comparisons with NaN (-ffast-math, shaders).
 template <class Index> CUTICLE_INLINE Index held_index(const Index &i, int last) {
     if constexpr (CUTICLE_ORDERS_NAN) return i;
     else return math::min(math::max(Index(0), i), Index(last));
@@ -290,7 +288,7 @@ template <class Float> CUTICLE_INLINE typename ArrayTraits<Float>::Index index_b
     return held_index(truncated(x, last), last);
 }
 
-// Among `count` nodes at 0, 1, ...; what lies outside is held to the ends, and NaN stays NaN in the fraction.
+// Locates a position among `count` nodes at 0, 1, ..., clamped to the ends. NaN stays NaN in the fraction.
 template <class Float> CUTICLE_INLINE Place<Float> locate_node(const Float &place, int count) {
     const auto node = truncated(place, count - 2);
     return {held_index(node, count - 2), math::clamp(place, Float(0), Float(count - 1)) - Float(node)};

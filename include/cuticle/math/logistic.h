@@ -1,4 +1,4 @@
-// The logistic distribution cut off at ±pi: how azimuthal roughness spreads light in Chiang et al. 2016.
+// The logistic distribution truncated to ±pi: azimuthal roughness in Chiang et al. 2016.
 #ifndef CUTICLE_MATH_LOGISTIC_H
 #define CUTICLE_MATH_LOGISTIC_H
 
@@ -6,7 +6,7 @@
 
 namespace cuticle {
 
-// Probability below x of the logistic distribution of scale s, before the cut; x <= 0 keeps the exponent a decay.
+// cdf of the logistic distribution of scale s before truncation; x <= 0, so that the exponent is a decay.
 template <class Float> CUTICLE_HD Float logistic_lower(const Float &x, const Float &s) {
     const Float e = math::decay(Float(x / s));
     return e / (Float(1) + e);
@@ -19,7 +19,7 @@ template <class Float> CUTICLE_HD Float trimmed_logistic(const Float &x, const F
     return e / (s * math::sqr(Float(Float(1) + e)) * kept);
 }
 
-// The inverse of its cdf: u in [0, 1] to [-pi, pi]. The two halves mirror each other, so that neither end loses digits.
+// Inverse of its cdf, from u in [0, 1] to [-pi, pi]. The upper half mirrors the lower, so that neither end loses precision.
 template <class Float> CUTICLE_HD Float trimmed_logistic_inverse(const Float &u, const Float &s) {
     const Float cut = logistic_lower(Float(-pi<Float>), s);
     const Float side = math::min(u, Float(Float(1) - u));

@@ -1,5 +1,5 @@
-// The sampler over arrays: directions side by side in the lanes of a vector, through the same lines as a single one.
-// Fast where the compiler has vectors (GCC, Clang; float); elsewhere a plain loop.
+// The sampler over arrays: each lane of a vector holds a direction, evaluated by the code for a single one.
+// Fast for float where the compiler has vectors (GCC, Clang); elsewhere a plain loop.
 #ifndef CUTICLE_SAMPLER_BATCH_H
 #define CUTICLE_SAMPLER_BATCH_H
 
@@ -9,7 +9,7 @@ namespace cuticle {
 
 namespace detail {
 
-// One lobe's density, each of its numbers in every lane: lobe by lobe all stays in registers.
+// One lobe with each parameter in all lanes. Evaluated lobe by lobe, a mixture stays in registers.
 template <class Lanes, class Family> struct LaneLobe {
     Lanes weight, scale;
     DensityOf<Family, Lanes> theta, phi;
@@ -24,24 +24,23 @@ template <class Lanes, class Family> struct LaneLobe {
                                    Lanes(theta.under * phi.under), even);
     }
 
-    // In d theta_i d phi; `place` is |phi| for even lobes, and within half a turn of 0.
+    // Density in d theta_i d phi. `place` is in [-pi, pi], and is |phi| for even lobes.
     CUTICLE_INLINE Lanes density(const Lanes &theta_i, const Lanes &place, bool even) const {
         return lobe_density<Family>(theta, phi, scale, theta_i, place, even);
     }
 };
 
-// What lanes do with a mixture that knows its `count`, whether it is `even`, and of each lobe `lobe(k)`, its `weight(k)`
-// and how to `choose` one.
+// Density and samples in lanes, for a Mixture with `count`, `even`, `lobe(k)`, `weight(k)` and `choose`.
 template <class Mixture, class Lanes> struct LaneSampler {
     CUTICLE_INLINE Lanes pdf(const Lanes &theta_i, const Lanes &phi) const {
         return per_steradian(density(theta_i, math::nearest_turn(phi)), theta_i);
     }
     CUTICLE_INLINE Sample<Lanes> sample(const Lanes &u_lobe, const Lanes &u_theta, const Lanes &u_phi) const {
-        // Scaled by the sum that is reached in this very order, as in Lobes::choose: never into a lobe of weight 0.
+        // u is scaled by the sum in this very order, as in Lobes::choose, so that it never selects a lobe of weight 0.
         Lanes total = self().weight(0), below = Lanes(0);
         for (int k = 1; k < self().count; ++k) total = total + self().weight(k);
         const Lanes u = u_lobe * total;
-        const auto past = [&](int k) {  // asked for k = 1, 2, ... once each
+        const auto past = [&](int k) {  // called for k = 1, 2, ... once each
             below = k == 1 ? self().weight(0) : below + self().weight(k - 1);
             return u >= below;
         };
@@ -52,7 +51,7 @@ template <class Mixture, class Lanes> struct LaneSampler {
 
   private:
     CUTICLE_INLINE const Mixture &self() const { return static_cast<const Mixture &>(*this); }
-    // In d theta_i d phi, at an azimuth within half a turn of 0.
+    // Density in d theta_i d phi; `wrapped` is in [-pi, pi].
     CUTICLE_INLINE Lanes density(const Lanes &theta_i, const Lanes &wrapped) const {
         const bool even = self().even;
         const Lanes place = even ? math::abs(wrapped) : wrapped;
@@ -62,7 +61,7 @@ template <class Mixture, class Lanes> struct LaneSampler {
     }
 };
 
-// The lobes of a mixture, made one by one as they are asked for.
+// A mixture whose lobes are set up one by one, when they are used.
 template <class Lanes, int K, class Family> struct LaneMixture : LaneSampler<LaneMixture<Lanes, K, Family>, Lanes> {
     static constexpr int count = K;
     const LobeValues<Lanes, K> &values;
@@ -71,7 +70,7 @@ template <class Lanes, int K, class Family> struct LaneMixture : LaneSampler<Lan
     CUTICLE_INLINE LaneMixture(const LobeValues<Lanes, K> &values_, bool even_) : values(values_), even(even_) {}
     CUTICLE_INLINE LaneLobe<Lanes, Family> lobe(int k) const { return {values, k, even}; }
     CUTICLE_INLINE const Lanes &weight(int k) const { return values.weight.v[k]; }
-    // Its mean and sigma alone wait for the choice.
+    // Selects mean and sigma only; the chosen lobe is set up afterwards.
     template <class Choice> CUTICLE_INLINE ChosenLobe<Lanes, Family> choose(const Choice &past) const {
         Lanes mean[2] = {values.mean[0], values.mean[K]}, sigma[2] = {values.sigma[0], values.sigma[K]};
         for (int k = 1; k < K; ++k) {
@@ -85,7 +84,22 @@ template <class Lanes, int K, class Family> struct LaneMixture : LaneSampler<Lan
     }
 };
 
-// The lobes of one shading point; a blend of two mixtures is one mixture of all their lobes.
+// The lobes of both rows, weighed by their shares, as those of one mixture.
+template <class Lanes, int K>
+CUTICLE_INLINE void join_rows(const BlendedRows<Lanes, K> &rows, LobeValues<Lanes, 2 * K> &out) {
+    for (int k = 0; k < K; ++k) {
+        out.weight.v[k] = rows.share * rows.first.weight.v[k];
+        out.weight.v[K + k] = rows.rest * rows.second.weight.v[k];
+        for (int i = 0; i < 2; ++i) {  // theta's, then phi's
+            out.mean.v[2 * i * K + k] = rows.first.mean.v[i * K + k];
+            out.mean.v[(2 * i + 1) * K + k] = rows.second.mean.v[i * K + k];
+            out.sigma.v[2 * i * K + k] = rows.first.sigma.v[i * K + k];
+            out.sigma.v[(2 * i + 1) * K + k] = rows.second.sigma.v[i * K + k];
+        }
+    }
+}
+
+// The lobes at one shading point. A blend of two mixtures becomes one mixture of all their lobes.
 template <class Lanes, class T, int K, class Family> struct LanePoint : LaneSampler<LanePoint<Lanes, T, K, Family>, Lanes> {
     LaneLobe<Lanes, Family> lobes[2 * K];
     int count;
@@ -122,7 +136,7 @@ template <class Lanes, class T, int K, class Family> struct LanePoint : LaneSamp
     }
 };
 
-// body(first, how many, mixture at their viewers and numbers of strands) for groups that fill the lanes.
+// Calls body(first, count, mixture) for groups that fill the lanes, with the mixture at their viewers and strand counts.
 template <class T, int K, class Family, class Body>
 CUTICLE_INLINE void each_group(const LobeTable<T, K, const T *, Family> &table, std::size_t count, const T *theta_r,
                                const T *strands, bool each, const Body &body) {
@@ -136,7 +150,11 @@ CUTICLE_INLINE void each_group(const LobeTable<T, K, const T *, Family> &table, 
     groups<Lanes>(count, [&](std::size_t i, int n) {
         const Place<Lanes> at = locate_theta(table, read<Lanes>(theta_r + i, n));
         const RowPosition<Lanes> rows = locate_row(table, each ? read<Lanes>(strands + i, n) : Lanes(strands[0]));
-        if (is_blended(table, rows)) return body(i, n, prepare_blended(table, at, rows));
+        if (is_blended(table, rows)) {
+            LobeValues<Lanes, 2 * K> values;
+            join_rows(blended_rows(table, at, rows), values);
+            return body(i, n, LaneMixture<Lanes, 2 * K, Family>(values, table.even));
+        }
         const LobeValues<Lanes, K> values = values_at(table, at, rows);
         body(i, n, LaneMixture<Lanes, K, Family>(values, table.even));
     });
@@ -144,8 +162,8 @@ CUTICLE_INLINE void each_group(const LobeTable<T, K, const T *, Family> &table, 
 
 }  // namespace detail
 
-// pdf of `count` directions in 1/sr. Structure of arrays; `strands` is one number for all or, with `each`, an array. What is
-// written overlaps nothing that is read.
+// pdf of `count` directions in 1/sr, as a structure of arrays. `strands` is an array if `each`, else one number for all.
+// Outputs must not overlap inputs.
 template <class T, int K, class Family>
 void pdf_batch(const LobeTable<T, K, const T *, Family> &table, std::size_t count, const T *theta_i, const T *theta_r,
                const T *phi, const T *strands, bool each, T *out) {
@@ -182,7 +200,7 @@ void sample_batch(const LobeTable<T, K, const T *, Family> &table, std::size_t c
     }
 }
 
-// The same for directions of one shading point, `sampler` prepared for it: nothing is looked up again.
+// The same at one shading point, for which `sampler` was prepared: nothing is looked up again.
 template <class T, int K, class Family>
 void pdf_batch(const PreparedSampler<T, K, Family> &sampler, std::size_t count, const T *theta_i, const T *phi, T *out) {
     if constexpr (CUTICLE_NATIVE_PACK && std::is_same_v<T, float>) {

@@ -1,4 +1,4 @@
-// Densities around the circle, on [-pi, pi]: from one whose period is centred on its mean, and from one of |phi|.
+// cdfs and their inverses on the circle [-pi, pi], for a density on the period around its mean and for one of |phi|.
 #ifndef CUTICLE_SAMPLER_CIRCLE_H
 #define CUTICLE_SAMPLER_CIRCLE_H
 
@@ -6,7 +6,7 @@
 
 namespace cuticle {
 
-// The cdf, from -pi. `own(d)` is the probability that lies between the density's seam, mean - pi, and mean + d.
+// The cdf from -pi. `own(d)` is the probability between the density's seam, mean - pi, and mean + d.
 template <class Float, class Own> CUTICLE_HD Float periodic_cdf(const Own &own, const Float &mean, const Float &phi) {
     const Float x = math::clamp(phi, Float(-pi<Float>), Float(pi<Float>));
     const Float start = math::wrap_angle(Float(Float(-pi<Float>) - mean)), d = math::wrap_angle(Float(x - mean));
@@ -22,7 +22,7 @@ CUTICLE_HD Float periodic_icdf(const Own &own, const OwnInverse &inverse, const 
     return select(u > Float(0), phi, Float(-pi<Float>));
 }
 
-// The same for a density of |phi| with either sign alike: `half(x)` is the probability of |phi| < x.
+// The same for a density of |phi| with either sign equally likely; `half(x)` is the probability of |phi| < x.
 template <class Float, class Half> CUTICLE_HD Float even_cdf(const Half &half, const Float &phi) {
     const Float x = math::clamp(phi, Float(-pi<Float>), Float(pi<Float>));
     return Float(.5) + math::copysign(Float(Float(.5) * half(Float(math::abs(x)))), x);
@@ -32,7 +32,7 @@ template <class Float, class HalfInverse> CUTICLE_HD Float even_icdf(const HalfI
     return math::copysign(inverse(Float(math::abs(v))), v);
 }
 
-// From a mean, the short way round: of azimuths within half a turn and a whole turn of 0.
+// Reduces the difference between an azimuth in [-pi, pi] and a mean in [-2 pi, 2 pi] to [-pi, pi].
 template <class Float> CUTICLE_INLINE Float short_way(const Float &d) {
     const Float limit = Float(pi<double>), turn = Float(2 * pi<double>);
     return select(d > limit, Float(d - turn), select(d < -limit, Float(d + turn), d));

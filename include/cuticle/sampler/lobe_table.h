@@ -1,4 +1,4 @@
-// The table that a sampler's lobes run through: its parameters at one theta_r and number of strands.
+// A sampler's table of lobe parameters, interpolated at one theta_r and number of strands.
 #ifndef CUTICLE_SAMPLER_LOBE_TABLE_H
 #define CUTICLE_SAMPLER_LOBE_TABLE_H
 
@@ -8,9 +8,9 @@
 
 namespace cuticle {
 
-// A view, owning nothing: nodes at theta_r = -pi/2 + i pi / (theta_nodes - 1), rows at increasing strand counts.
-// Memory is a pointer, or whatever ArrayTraits::gather takes; the strand counts lie where the code runs. The family's means
-// and sigmas they are, NormalLobes' or another's.
+// A view that owns nothing. Nodes lie at theta_r = -pi/2 + i pi / (theta_nodes - 1), rows at increasing strand counts.
+// Memory is a pointer, or whatever ArrayTraits::gather takes; `strands` is memory of the processor that runs the code.
+// Means and sigmas are those of the family's densities.
 template <class Scalar, int K, class Memory = const Scalar *, class Family = NormalLobes> struct LobeTable {
     Memory nodes;           // [rows][theta_nodes][lobe_parameters][K]
     Memory energy;          // [rows][theta_nodes]: ∫ f cos, what a row weighs against another
@@ -19,7 +19,7 @@ template <class Scalar, int K, class Memory = const Scalar *, class Family = Nor
     bool even;
 };
 
-// N values from `index` on, a lane each.
+// Loads N consecutive values from `index` on, one a lane.
 template <class Float, int N, class Memory, class Index>
 CUTICLE_INLINE Pack<Float, N> load(const Memory &memory, const Index &index) {
     if constexpr (std::is_same_v<Memory, const Float *>) {
@@ -31,7 +31,7 @@ CUTICLE_INLINE Pack<Float, N> load(const Memory &memory, const Index &index) {
     }
 }
 
-// Where theta_r falls among equal cells from -pi/2 to pi/2.
+// Locates theta_r among equal cells from -pi/2 to pi/2.
 template <class Float> CUTICLE_INLINE Place<Float> locate_cell(int cells, const Float &theta_r) {
     return locate_node(Float((theta_r * Float(1 / pi<double>) + Float(.5)) * Float(cells)), cells + 1);
 }
@@ -41,13 +41,13 @@ CUTICLE_INLINE Place<Float> locate_theta(const LobeTable<Scalar, K, Memory, Fami
     return locate_cell(table.theta_nodes - 1, theta_r);
 }
 
-// Where the number of strands falls. From 0 strands to the first positive count the scattering function is a blend of two
-// different shapes, so there the sampler mixes the two rows' densities in proportion to their energies; further on the
-// rows' parameters are interpolated. One number for all lanes is a scalar.
+// A number of strands located among the rows. Between 0 strands and the first positive count, the scattering function
+// blends two different shapes, so the sampler mixes the densities of both rows in proportion to their energies. Beyond, it
+// interpolates the rows' parameters. Count is a scalar where one number serves all lanes.
 template <class Count> struct RowPosition {
     typename ArrayTraits<Count>::Index row;
     Count s;                              // fraction towards row + 1
-    decltype(Count(0) < Count(0)) blend;  // row 0 is for no strands, row 1 for some
+    decltype(Count(0) < Count(0)) blend;  // between no strands and the first count
 };
 
 // The fraction from one count towards the next.
@@ -62,7 +62,7 @@ CUTICLE_INLINE RowPosition<Count> locate_row(const LobeTable<Scalar, K, Memory, 
     const bool several = table.rows > 1, from_none = several && table.strands[0] == Scalar(0);
     const CountInterval<Count> count = locate_count(table.strands, table.rows, strands);
     const auto blend = strands < (from_none ? Count(table.strands[1]) : Count(0));
-    // A branch, not a division on the way to every load: counts are whole more often than not.
+    // Most numbers equal a row's count: a branch spares them the division, for which all loads would wait.
     Count s = Count(0);
     if (several && any_above(strands, count.low)) s = count_fraction(blend, count.low, count.high, strands);
     return {count.row, s, blend};
@@ -78,7 +78,7 @@ CUTICLE_INLINE bool is_blended(const LobeTable<Scalar, K, Memory, Family> &table
     else return between && Traits::any(select(rows.blend, Count(rows.s * (Count(1) - rows.s)), Count(0)) > Count(0));
 }
 
-// The parameters of K lobes, as they lie in the table.
+// The parameters of K lobes, in the table's order.
 template <class Float, int K> struct LobeValues {
     Pack<Float, K> weight;
     Pack<Float, 2 * K> mean, sigma;
@@ -91,13 +91,13 @@ template <class Float, int K> struct LobeValues {
 };
 
 namespace detail {
-// The i-th of lanes' parameters, as they lie in the table.
+// The i-th parameter, in the table's order.
 template <class Lanes, int K> CUTICLE_INLINE Lanes &parameter(LobeValues<Lanes, K> &values, int i) {
     return i < K ? values.weight.v[i] : i < 3 * K ? values.mean.v[i - K] : values.sigma.v[i - 3 * K];
 }
 }  // namespace detail
 
-// What interpolate_theta does by gathering, by whole loads where lanes read one array of floats; false where it cannot.
+// interpolate_theta by whole loads in place of gathers, where lanes read one array of floats; returns false elsewhere.
 template <class Float, class Index, int K, class Memory>
 CUTICLE_INLINE bool interpolate_lanes(const Memory &, const Index &, const Float &, LobeValues<Float, K> &) {
     return false;
@@ -115,7 +115,7 @@ CUTICLE_INLINE bool interpolate_lanes(const float *const &data, const PackIndex<
                                            detail::pick<2, 2, 2, 2>(s, s, all), detail::pick<3, 3, 3, 3>(s, s, all)};
         detail::Quads<W> r[fours][4], turned[4];
 #pragma GCC unroll 4
-        for (int k = 0; k < 4; ++k)  // a lane's numbers lie side by side
+        for (int k = 0; k < 4; ++k)  // a lane's parameters are contiguous
 #pragma GCC unroll 8
             for (int q = 0; q < fours; ++q) {
                 const auto a = detail::read_quads<W>(data + start(q), first.v + k);
@@ -145,13 +145,13 @@ CUTICLE_INLINE LobeValues<Float, K> interpolate_theta(const LobeTable<Scalar, K,
                                     load<Float, 2 * K>(table.nodes, Index(i + Index(lobe_sigma_theta * K)))};
     };
     const Index first = (row * Index(table.theta_nodes) + at.node) * Index(size);
-    LobeValues<Float, K> out;  // the one thing returned, here and below: lanes' values are too many to be copied
+    LobeValues<Float, K> out;  // returned on all paths, here and below, so that nothing is copied
     if (interpolate_lanes(table.nodes, first, at.t, out)) return out;
     out = node(first).mix(at.t, node(Index(first + Index(size))));
     return out;
 }
 
-// The lobes' parameters where no two rows' densities are mixed: on a row, the usual case, nothing else is touched.
+// The lobes' parameters where no densities are mixed. On a row, the usual case, nothing else is read.
 template <class Float, class Count, class Scalar, int K, class Memory, class Family>
 CUTICLE_INLINE LobeValues<Float, K> values_at(const LobeTable<Scalar, K, Memory, Family> &table, const Place<Float> &at,
                                               const RowPosition<Count> &rows) {

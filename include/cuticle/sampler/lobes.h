@@ -1,4 +1,4 @@
-// A mixture of K product lobes at one viewer's inclination: what a sampler evaluates and draws from.
+// A mixture of K product lobes at one viewer's inclination, which a sampler evaluates and draws from.
 #ifndef CUTICLE_SAMPLER_LOBES_H
 #define CUTICLE_SAMPLER_LOBES_H
 
@@ -9,12 +9,12 @@
 
 namespace cuticle {
 
-// Means side by side and sigmas side by side: both coordinates are worked on as one pack.
+// The two means are adjacent, and so are the two sigmas: both coordinates are evaluated as one pack.
 enum LobeParameter { lobe_weight, lobe_mean_theta, lobe_mean_phi, lobe_sigma_theta, lobe_sigma_phi, lobe_parameters };
 
 template <class Family, class Float> using DensityOf = typename Family::template Density<Float>;
 
-// What a density's shape along one coordinate is multiplied by.
+// The factor that normalises a density's shape along one coordinate.
 template <class Family, class Float> CUTICLE_HD Float density_norm(const DensityOf<Family, Float> &d) {
     return Float(Family::height) * d.rate * d.under / d.mass;
 }
@@ -39,14 +39,15 @@ CUTICLE_INLINE DensityOf<Family, Float> select_density(const Mask &mask, const D
     return DensityOf<Family, Float>::each(detail::Select<Mask>{mask}, a, b);
 }
 
-// What a lobe's shape is multiplied by: its weight and the norms of both coordinates, given the products of their rates, of
-// their masses and of what these are over; an even lobe is shared by either sign. One division.
+// The factor of a lobe's shape: its weight times the norms of both coordinates, given the products of their rates, of their
+// masses and of the masses' denominators. An even lobe is halved, since it covers both signs. One division.
 template <class Family, class Set>
 CUTICLE_INLINE Set lobe_scale(const Set &weight, const Set &rates, const Set &masses, const Set &unders, bool even) {
     return weight * rates * Set(Family::height * Family::height * (even ? .5 : 1.)) * unders / masses;
 }
 
-// A lobe along theta and along phi, where each of a mixture's lobes is asked for by itself. Not Fine: for the density alone.
+// One lobe along theta and along phi, for mixtures that set up each lobe by itself. Not Fine: precise enough for the
+// density only.
 template <class Family, bool Fine = true, class Float>
 CUTICLE_INLINE DensityOf<Family, Float> make_theta(const Float &mean, const Float &sigma) {
     const Float pole = Float(half_pi<double>);
@@ -58,7 +59,7 @@ CUTICLE_INLINE DensityOf<Family, Float> make_phi(const Float &mean, const Float 
     return Family::template make<Fine>(mean, sigma, even ? Float(0) : Float(mean - turn), even ? turn : Float(mean + turn));
 }
 
-// Its density in d theta_i d phi. `place` is |phi| for even lobes, and within half a turn of 0.
+// Its density in d theta_i d phi. `place` is in [-pi, pi], and is |phi| for even lobes.
 template <class Family, class Float>
 CUTICLE_INLINE Float lobe_density(const DensityOf<Family, Float> &theta, const DensityOf<Family, Float> &phi,
                                   const Float &scale, const Float &theta_i, const Float &place, bool even) {
@@ -72,7 +73,7 @@ template <class Family, class Float> CUTICLE_INLINE Float invert_theta(const Den
     const Float limit = Float(half_pi<Float> * (1 - epsilon<Float>));
     return math::clamp(Family::icdf(d, u, Float(-half_pi<Float>), Float(half_pi<Float>)), Float(-limit), limit);
 }
-// A periodic lobe is inverted from its own seam: any order of the circle serves a sample.
+// A periodic lobe is inverted from its own seam: a sample does not depend on where the circle starts.
 template <class Family, class Float>
 CUTICLE_INLINE Float invert_phi(const DensityOf<Family, Float> &d, const Float &u, bool even) {
     const Float turn = Float(pi<Float>);
@@ -84,22 +85,22 @@ CUTICLE_INLINE Float invert_phi(const DensityOf<Family, Float> &d, const Float &
     return math::wrap_angle(math::clamp(Family::icdf(d, u, lo, hi), lo, hi));
 }
 
-// One inverse a coordinate; the pdf is left to the mixture.
+// One inverse cdf per coordinate; the mixture computes the pdf.
 template <class Float, class Family>
 CUTICLE_INLINE Sample<Float> draw(const ChosenLobe<Float, Family> &chosen, const Float &u_theta, const Float &u_phi,
                                   bool even) {
     return {invert_theta<Family>(chosen.theta, u_theta), invert_phi<Family>(chosen.phi, u_phi, even), Float(0)};
 }
 
-// Weights sum to 1; sigmas are positive; a mean lies in its domain or at most one sigma outside (the table is
-// held to it node by node, and linear interpolation keeps it), so that the family's densities serve.
-// Azimuth: `even` takes |phi| on [0, pi] (as EvenNormal does), else each lobe its own period (as PeriodicNormal), its mean
-// within ±2 pi.
+// Weights sum to 1, and sigmas are positive. A mean lies in its domain or at most one sigma outside, as the family's
+// densities require: the table is checked node by node, and linear interpolation preserves it.
+// Azimuth: if `even`, lobes are densities of |phi| on [0, pi] (as EvenNormal); else each covers the period around its mean
+// (as PeriodicNormal), which is in [-2 pi, 2 pi].
 template <class Float, int K, class Family = NormalLobes> struct Lobes {
     using Set = Pack<Float, K>;
     using Both = Pack<Float, 2 * K>;  // theta's, then phi's
-    // A number's lobes lie in one vector, divided at once while nothing waits for them; of an array's lobes only the chosen
-    // one is divided.
+    // The lobes of a scalar share vectors and are divided at once, off the critical path; of an array's lobes only the
+    // chosen one is divided.
     static constexpr bool finished = std::is_arithmetic_v<Float>;
     Set weight, scale;
     DensityOf<Family, Both> both;
@@ -120,7 +121,7 @@ template <class Float, int K, class Family = NormalLobes> struct Lobes {
         return per_steradian(density(theta_i, math::nearest_turn(phi_i)), theta_i);
     }
 
-    // In d theta_i d phi, at an azimuth within half a turn of 0.
+    // Density in d theta_i d phi; `wrapped` is in [-pi, pi].
     CUTICLE_INLINE Float density(const Float &theta_i, const Float &wrapped) const {
         Both d = join(Set(theta_i), Set(even ? math::abs(wrapped) : wrapped)) - both.mean;
         if (!even) d = join(half<0>(d), short_way(half<1>(d)));
@@ -154,7 +155,7 @@ template <class Float, int K, class Family = NormalLobes> struct Lobes {
         Float below[K];
         below[0] = weight[0];
         for (int k = 1; k < K; ++k) below[k] = below[k - 1] + weight[k];
-        // Scaled by the sum that was reached: rounding never leads past the last lobe, nor into one of weight 0.
+        // u is scaled by the sum that was reached: rounding never selects past the last lobe, nor a lobe of weight 0.
         const Float u = u_lobe * below[K - 1];
         if constexpr (std::is_arithmetic_v<Float> && !CUTICLE_DEVICE) {
             int chosen = 0;
@@ -187,8 +188,8 @@ template <class Float, int K, class Family = NormalLobes> struct Lobes {
         if constexpr (finished) return Family::divided(d);
         else return d;
     }
-    // By way of memory, where a vector is laid down long before the choice is known: subscripted itself, it would wait for
-    // it.
+    // Through memory, to which the vector is written long before the choice is known; a subscript of the vector itself
+    // would have to wait for the choice.
     struct Pick {
         int i;
         CUTICLE_INLINE Float operator()(const Both &x) const {

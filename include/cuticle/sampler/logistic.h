@@ -1,4 +1,4 @@
-// The family of logistic lobes: heavier tails than the normal's, exp and log in place of erf and its inverse.
+// The family of logistic lobes. Their tails are heavier than a normal's; exp and log replace erf and its inverse.
 #ifndef CUTICLE_SAMPLER_LOGISTIC_H
 #define CUTICLE_SAMPLER_LOGISTIC_H
 
@@ -6,17 +6,17 @@
 
 namespace cuticle {
 
-// The logistic distribution truncated to [lo, hi], in the terms of NormalLobes; `sigma` is its deviation before it is cut
-// off.
+// The logistic distribution truncated to [lo, hi], with the interface of NormalLobes. `sigma` is its deviation before
+// truncation.
 //
-// With a = (mean - lo) rate, b = (hi - mean) rate and F(z) = 1/(1 + e^-z) the ends are told by e^-a and e^-b, the mass
-// between them by 1 - e^-(a + b), of the interval's length alone: all sums are of one sign, so that neither end loses
-// digits. A mean at most one sigma outside has a and b >= -pi/√3.
+// Let a = (mean - lo) rate and b = (hi - mean) rate. The tails beyond the ends follow from e^-a and e^-b, and the mass
+// between them from 1 - e^-(a + b), which depends on the interval's length only. No sum has terms of opposite signs, so
+// neither end loses precision. A mean at most one sigma outside has a and b >= -pi/√3.
 struct LogisticLobes {
     template <class Float> struct Density {
         Float mean, rate, width;  // width = √3/pi sigma, rate = 1 / width
-        Float low, high;          // low/under is what lies below the interval, high/under what lies above
-        Float mass, under;        // mass/under what lies in it
+        Float low, high;          // low/under is the probability below the interval, high/under above it
+        Float mass, under;        // mass/under is the probability inside it
 
         template <class Use, class... Densities> CUTICLE_INLINE static auto each(const Use &use, const Densities &...d) {
             return Density<decltype(use(d.mean...))>{use(d.mean...), use(d.rate...), use(d.width...), use(d.low...),
@@ -52,7 +52,7 @@ struct LogisticLobes {
         return math::copysign(Float((Float(1) - e) / (Float(1) + e)), z);
     }
 
-    // Its one division needs u.
+    // Nothing can be divided early: its only division needs u.
     template <class Float> CUTICLE_INLINE static void divide(Density<Float> &) {}
     template <class Float> CUTICLE_INLINE static Density<Float> divided(const Density<Float> &d) { return d; }
 

@@ -1,6 +1,5 @@
-// One-dimensional densities, each a triple pdf, cdf, icdf: the normal truncated to an interval, as a mixture's lobes hold it
-// and for any mean, and from it the longitudinal lobe on [-pi/2, pi/2] and the azimuthal lobes on the circle. All are per
-// radian.
+// One-dimensional densities per radian, each with pdf, cdf and icdf: the truncated normal, as the lobes of a mixture use it
+// and for any mean; from it the longitudinal lobe on [-pi/2, pi/2] and the azimuthal lobes on the circle.
 #ifndef CUTICLE_SAMPLER_NORMAL_H
 #define CUTICLE_SAMPLER_NORMAL_H
 
@@ -9,19 +8,19 @@
 
 namespace cuticle {
 
-// The family of normal lobes: what a mixture asks of a family, each of its lobes being a product of two densities, one along
-// theta and one along phi. `Density` is one of them, prepared; with z = (x - mean) rate it is
-//     height rate under / mass times its part of together(along(z_theta), along(z_phi)),
-// and both members and functions serve numbers, array types and packs.
+// The family of normal lobes, which shows what a mixture needs of a family. A lobe is a product of two densities, one along
+// theta and one along phi. `Density` is one of them, set up; with z = (x - mean) rate its value is
+//     height rate under / mass times its part of together(along(z_theta), along(z_phi)).
+// Members and functions serve numbers, array types and packs.
 //
-// A normal truncated to [lo, hi], its mean inside or at most one sigma outside: there the difference of two erf keeps its
-// precision.
+// Here the density is a normal truncated to [lo, hi]. Its mean lies inside or at most one sigma outside, where the
+// difference of two erf keeps its precision.
 struct NormalLobes {
     template <class Float> struct Density {
         Float mean, rate, width;  // width = sqrt 2 sigma, rate = 1 / width
         Float low, mass, under;   // low/under is erf at the lower end, mass/under erf(upper) - erf(lower)
 
-        // `use` of each member, of one or of several densities side by side.
+        // Applies `use` to each member of one density, or to the same member of several.
         template <class Use, class... Densities> CUTICLE_INLINE static auto each(const Use &use, const Densities &...d) {
             return Density<decltype(use(d.mean...))>{use(d.mean...), use(d.rate...), use(d.width...),
                                                      use(d.low...),  use(d.mass...), use(d.under...)};
@@ -31,7 +30,7 @@ struct NormalLobes {
     static constexpr double height = two_over_sqrt_pi<double>;
     static constexpr double deviation = sqrt_half<double>;  // sigma rate
 
-    // Not Fine: for the density alone.
+    // Not Fine: precise enough for the density only.
     template <bool Fine = true, class Float>
     CUTICLE_INLINE static Density<Float> make(const Float &mean, const Float &sigma, const Float &lo, const Float &hi) {
         const Float rate = Float(deviation) / sigma;
@@ -41,16 +40,17 @@ struct NormalLobes {
         return {mean, rate, Float(2 * sqrt_half<double>) * sigma, low, b.over * a.under - low, a.under * b.under};
     }
 
-    // The density's shape along one coordinate; and of both in two steps, so that one exp serves them.
+    // The density's shape along one coordinate. `together` of `along` gives that of both coordinates with one exp.
     template <class Float> CUTICLE_INLINE static Float shape(const Float &z) { return math::decay(Float(-z * z)); }
     template <class Float> CUTICLE_INLINE static Float along(const Float &z) { return z * z; }
     template <class Float> CUTICLE_INLINE static Float together(const Float &theta, const Float &phi) {
         return math::decay(Float(-(theta + phi)));
     }
-    // -d ln(shape) / dz, of which a fit's derivatives are made.
+    // -d ln(shape) / dz, for a fit's derivatives.
     template <class Float> CUTICLE_HD static Float fall(const Float &z) { return Float(2) * z; }
 
-    // Divisions that can be done before a lobe is chosen; and what they leave of `under`, known where it is read.
+    // `divide` does the divisions that need not wait for the choice of a lobe; `divided` then makes `under`, now 1, a
+    // constant.
     template <class Float> CUTICLE_INLINE static void divide(Density<Float> &d) {
         d.low = d.low / d.under;
         d.mass = d.mass / d.under;
@@ -63,8 +63,8 @@ struct NormalLobes {
         const Float p = math::erf(Float((x - d.mean) * d.rate));
         return math::clamp(Float((p * d.under - d.low) / d.mass), Float(0), Float(1));
     }
-    // The inverse on [lo, hi]. Single precision: near the ends of the normal, where erf is all but ±1, what lies beyond x is
-    // told from the near end of the interval, erfc there and the share of the mass in between.
+    // The inverse cdf on [lo, hi]. Single precision, far out in a tail, where erf rounds to ±1: the probability beyond x is
+    // taken from the nearer end of the interval, as erfc there plus the share of the mass in between.
     template <class Float>
     CUTICLE_INLINE static Float icdf(const Density<Float> &d, const Float &u, const Float &lo, const Float &hi) {
         const Float p = (d.low + u * d.mass) / d.under;
@@ -82,9 +82,8 @@ struct NormalLobes {
     }
 };
 
-// The normal of any mean and any sigma > 0 truncated to [lo, hi]. Where the mean lies more than a sigma
-// outside, everything is told relative to the density at the near end, with erfcx: no under- or overflow,
-// however far the mean.
+// The normal of any mean and any sigma > 0, truncated to [lo, hi]. If the mean lies more than a sigma outside, everything
+// is relative to the density at the nearer end and uses erfcx, which never over- or underflows, however far the mean.
 template <class Float> struct TruncatedNormal {
     Float lo, hi;
     NormalLobes::Density<Float> central;
@@ -127,7 +126,7 @@ template <class Float> struct TruncatedNormal {
     CUTICLE_HD Float icdf(const Float &u_) const {
         const Float u = math::clamp(u_, Float(0), Float(1));
         const Float v = select(sign > Float(0), u, Float(Float(1) - u));
-        // Newton on -ln erfc(z), convex and increasing, from an overestimate: it falls onto the root.
+        // Newton's method on -ln erfc(z), convex and increasing: from an overestimate it descends to the root.
         const Float target = -math::log(math::max(Float((Float(1) - v) + v * tail_far / erfcx_near), Float(1e-37)));
         const Float length = (hi - lo) * central.rate;
         Float d = math::min(Float(target / math::max(Float(z_near + z_near), Float(1))), length);
@@ -169,9 +168,9 @@ template <class Float> struct PeriodicNormal {
     }
 };
 
-// Azimuthal lobe of a scattering function that is even in phi: a normal in |phi| truncated to [0, pi], either
-// sign alike. About mean pi it equals the periodic normal; about any other mean one lobe, with one exp, stands
-// for the pair at +mean and -mean (TRT's glints), and with a mean past pi for a one-sided rise.
+// Azimuthal lobe of a scattering function that is even in phi: a normal in |phi| truncated to [0, pi], with either sign
+// equally likely. With mean pi it equals the periodic normal. With any other mean, one lobe with one exp represents the
+// pair at +mean and -mean (TRT's glints); with a mean past pi, a one-sided rise.
 template <class Float> struct EvenNormal {
     TruncatedNormal<Float> half;
 

@@ -14,7 +14,7 @@ template <class Float> struct Sample {
 template <class Float> CUTICLE_INLINE Float per_steradian(const Float &density, const Float &theta_i) {
     return select(math::abs(theta_i) > Float(half_pi<Float>), Float(0), Float(density / math::cos_theta(theta_i)));
 }
-// The same for a sample: it lies inside, and 1/cos is ready before its density.
+// The same for a sample, which is always inside; 1/cos can be computed before the density is known.
 template <class Float> CUTICLE_INLINE Float sample_per_steradian(const Float &density, const Float &theta_i) {
     return density * (Float(1) / math::cos_theta(theta_i));
 }

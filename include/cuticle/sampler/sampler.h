@@ -1,5 +1,5 @@
-// The sampler: lobes whose parameters run through a small table, linear in theta_r and in the number of strands,
-// so that neither the density nor a sample has a seam.
+// The sampler: lobes whose parameters are interpolated linearly in a small table, over theta_r and the number of strands,
+// so that densities and samples are continuous.
 #ifndef CUTICLE_SAMPLER_SAMPLER_H
 #define CUTICLE_SAMPLER_SAMPLER_H
 
@@ -7,8 +7,8 @@
 
 namespace cuticle {
 
-// Of two rows of these energies, where s is the fraction towards the second: what each weighs in the mixture. Both, for a
-// difference from 1 would lose the digits of a small one.
+// The weights of two rows in the mixture, from their energies and the fraction s towards the second. Both are kept: 1 -
+// first would lose the digits of a small second.
 template <class Float> struct BlendShares {
     Float first, second;
 };
@@ -18,19 +18,19 @@ CUTICLE_INLINE BlendShares<Float> blend_shares(const Float &lower, const Float &
     return {a / (a + b), b / (a + b)};
 }
 
-// The number that chooses a lobe within the row that it fell to: below 1, whatever the shares were rounded to, for at 1 a
-// lobe of weight 0 would be chosen.
+// u_lobe rescaled within the row that it selects. It stays below 1 however the shares were rounded: at 1 a lobe of weight 0
+// would be chosen.
 template <class Float> CUTICLE_INLINE Float within_row(const Float &u_lobe, const Float &share, const Float &rest) {
     const Float beyond =
         math::min(Float((u_lobe - share) / math::max(rest, Float(smallest<Float>))), Float(1 - .5 * epsilon<Float>));
     return select(u_lobe < share, Float(u_lobe / share), beyond);
 }
 
-// The mixture for one theta_r and number of strands. Prepare once a shading point, then evaluate and draw.
+// The mixture at one theta_r and number of strands. Prepare it once per shading point, then evaluate and sample.
 template <class Float, int K, class Family = NormalLobes> struct PreparedSampler {
     Lobes<Float, K, Family> first, second;
-    Float share, rest;  // of `first`, 1 nearly always, and of `second`
-    bool blended;       // whether `second` is other than `first`
+    Float share, rest;  // weights of `first`, nearly always 1, and of `second`
+    bool blended;       // whether `second` differs from `first`
 
     CUTICLE_INLINE Float pdf(const Float &theta_i, const Float &phi) const {
         const Float p = first.pdf(theta_i, phi);
@@ -60,26 +60,41 @@ CUTICLE_INLINE Lobes<Float, K, Family> lobes_at(const LobeTable<Scalar, K, Memor
     return lobes;
 }
 
+// The parameters of both rows whose densities are mixed, and what each weighs; lanes that blend nothing have `first` alone.
+template <class Float, int K> struct BlendedRows {
+    LobeValues<Float, K> first, second;
+    Float share, rest;
+};
 template <class Float, class Scalar, int K, class Memory, class Family>
-CUTICLE_HD PreparedSampler<Float, K, Family> prepare_blended(const LobeTable<Scalar, K, Memory, Family> &table,
-                                                             const Place<Float> &at, const RowPosition<Float> &rows) {
+CUTICLE_INLINE BlendedRows<Float, K> blended_rows(const LobeTable<Scalar, K, Memory, Family> &table, const Place<Float> &at,
+                                                  const RowPosition<Float> &rows) {
     using Traits = ArrayTraits<Float>;
     using Index = typename Traits::Index;
     const LobeValues<Float, K> lower = interpolate_theta(table, rows.row, at);
-    const LobeValues<Float, K> upper = interpolate_theta(table, Index(rows.row + Index(1)), at);
+    BlendedRows<Float, K> out;
+    out.second = interpolate_theta(table, Index(rows.row + Index(1)), at);
     const Index e = rows.row * Index(table.theta_nodes) + at.node, g = e + Index(table.theta_nodes);
     const auto energy = [&](const Index &i) {
         const Float a = Traits::gather(table.energy, i), b = Traits::gather(table.energy, Index(i + Index(1)));
         return math::linear(a, b, at.t);
     };
     const BlendShares<Float> shares = blend_shares(energy(e), energy(g), rows.s);
-    const LobeValues<Float, K> first = lower.mix(select(rows.blend, Float(0), rows.s), upper);
-    PreparedSampler<Float, K, Family> out;
+    out.first = lower.mix(select(rows.blend, Float(0), rows.s), out.second);
     out.share = select(rows.blend, shares.first, Float(1));
     out.rest = select(rows.blend, shares.second, Float(0));
-    out.blended = Traits::any(out.rest > Float(0));
-    out.first.set(first.weight, first.mean, first.sigma, table.even);
-    out.second.set(upper.weight, upper.mean, upper.sigma, table.even);
+    return out;
+}
+
+template <class Float, class Scalar, int K, class Memory, class Family>
+CUTICLE_HD PreparedSampler<Float, K, Family> prepare_blended(const LobeTable<Scalar, K, Memory, Family> &table,
+                                                             const Place<Float> &at, const RowPosition<Float> &rows) {
+    const BlendedRows<Float, K> both = blended_rows(table, at, rows);
+    PreparedSampler<Float, K, Family> out;
+    out.share = both.share;
+    out.rest = both.rest;
+    out.blended = ArrayTraits<Float>::any(out.rest > Float(0));
+    out.first.set(both.first.weight, both.first.mean, both.first.sigma, table.even);
+    out.second.set(both.second.weight, both.second.mean, both.second.sigma, table.even);
     return out;
 }
 
@@ -97,7 +112,7 @@ CUTICLE_INLINE PreparedSampler<Float, K, Family> prepare(const LobeTable<Scalar,
     return out;
 }
 
-// One direction a shading point, without anything passing through memory: pdf and sample of a prepared sampler.
+// pdf and sample of one direction per shading point: as of a prepared sampler, without a round trip through memory.
 template <class Float, class Scalar, int K, class Memory, class Family>
 CUTICLE_INLINE Float pdf(const LobeTable<Scalar, K, Memory, Family> &table, const Float &theta_i, const Float &theta_r,
                          const Float &phi, const Float &strands) {

@@ -1,4 +1,4 @@
-// Where a number of strands falls among the counts of a table's rows.
+// Locates a number of strands among the counts of a table's rows.
 #ifndef CUTICLE_SAMPLER_STRAND_COUNTS_H
 #define CUTICLE_SAMPLER_STRAND_COUNTS_H
 
@@ -6,7 +6,7 @@
 
 namespace cuticle {
 
-// The two counts between which a number of strands falls, out of increasing ones; the first or the last two beyond.
+// The two neighbouring counts around a number of strands; the first or the last two for numbers beyond.
 template <class Float> struct CountInterval {
     typename ArrayTraits<Float>::Index row;
     Float low, high;
@@ -19,7 +19,7 @@ CUTICLE_INLINE CountInterval<Float> locate_count(const Scalar *counts, int rows,
     const bool several = rows > 1;
     Index row = Index(0);
     Float low = Float(counts[0]), high = several ? Float(counts[1]) : Float(low + Float(1));
-    if constexpr (std::is_arithmetic_v<Float>) {  // by branches, which do not hold up the loads
+    if constexpr (std::is_arithmetic_v<Float>) {  // branches, so that loads need not wait
         while (row + 2 < rows && strands >= Float(counts[row + 1])) ++row;
         low = Float(counts[row]);
         if (several) high = Float(counts[row + 1]);

@@ -1,8 +1,8 @@
-// The azimuthal functions N_p(theta_d, phi), by quadrature over the offset h, one table row a theta_d.
+// The azimuthal functions N_p(theta_d, phi), by quadrature over the offset h, one table row per theta_d.
 //
-// N_p(phi) = ½ ∫ A(p, h) D(phi - phi_p(h)) dh, D a wrapped normal of deviation beta_N (d'Eon 2011) or a logistic
-// distribution cut off at ±pi (Chiang 2016). Each cell of h spreads its energy evenly over the azimuths between its two
-// edges, which is exact for a straight phi_p(h) and has no aliasing as beta_N -> 0; the smoothing by D is one convolution of
+// N_p(phi) = ½ ∫ A(p, h) D(phi - phi_p(h)) dh, where D is a wrapped normal of deviation beta_N (d'Eon 2011) or a logistic
+// distribution truncated to ±pi (Chiang 2016). Each cell of h spreads its energy evenly over the azimuths between its
+// edges, which is exact where phi_p(h) is linear and does not alias as beta_N -> 0. Smoothing by D is one convolution of
 // the row.
 #ifndef CUTICLE_SCATTERING_AZIMUTHAL_H
 #define CUTICLE_SCATTERING_AZIMUTHAL_H
@@ -30,7 +30,7 @@ template <class Float> void deposit(Float a, Float b, Float mass, Float *circle,
 }
 
 // One lobe's row for one absorption: out[j] = N_p at phi = j pi / n, j = 0 … n, per radian; n even. `beta_n` is D's
-// deviation. `circle` and `kernel` are scratch, of 4 n and of 2 n.
+// deviation. `circle` and `kernel` are scratch of 4 n and 2 n values.
 template <class Float>
 void azimuthal_row(int p, Float theta_d, Float eta, Float sigma_a, Azimuthal form, Float beta_n, bool closed, int n,
                    int offsets, Float *circle, Float *kernel, Float *out) {
@@ -54,7 +54,7 @@ void azimuthal_row(int p, Float theta_d, Float eta, Float sigma_a, Azimuthal for
     }
     for (int m = 0; m < bins; ++m) circle[bins + m] = circle[m];
 
-    // D, less what the bins (step²/12) and the table's linear interpolation (step²/6) smooth by themselves.
+    // D's variance, minus what the bins (step²/12) and the table's linear interpolation (step²/6) add.
     const Float variance = math::max(Float(beta_n * beta_n - step * step * Float(.25)), Float(Float(.5) * beta_n * beta_n));
     Float total = Float(0);
     for (int m = 0; m < bins; ++m) {
@@ -77,8 +77,8 @@ void azimuthal_row(int p, Float theta_d, Float eta, Float sigma_a, Azimuthal for
     }
 }
 
-// What light that arrives spread evenly over the front half of the azimuth makes of N (Zinke 2008, N^G):
-// the mean of N over phi ± pi/2. `row` and `out` as above.
+// N for light that arrives evenly over the front half of the azimuths (Zinke 2008, N^G): the mean of N over phi ± pi/2.
+// `row` and `out` as above.
 template <class Float> void spread_row(const Float *row, int n, Float *out) {
     const auto at = [&](int j) {
         const int m = ((j % (2 * n)) + 2 * n) % (2 * n);
@@ -92,8 +92,8 @@ template <class Float> void spread_row(const Float *row, int n, Float *out) {
     }
 }
 
-// The fraction of N's energy that goes on into the forward half and back, for light that arrives spread evenly
-// over half a turn: a direction at distance d from straight on stays forward with probability 1 - d/pi.
+// N's energy scattered forward and backward, for light that arrives evenly over half a turn: a direction at distance d from
+// straight on stays forward with probability 1 - d/pi.
 template <class Float> struct Halves {
     Float forward, backward;
 };
@@ -148,14 +148,14 @@ CUTICLE_HD Float interpolate(const Memory &data, const Bilinear<Float> &at, cons
                           at.b);
 }
 
-// Which of a table's channels to read: an int, or, for an absorption between those of two channels, both and how far.
+// A channel between two of a table's, for an absorption between theirs; a channel of the table itself is an int.
 template <class Float> struct ChannelBetween {
     typename ArrayTraits<Float>::Index first;  // the other is first + 1
     Float t;
 };
 
-// Between two absorptions light decays as along one path: its log is all but linear in sigma_a, since the lengths of the
-// paths that meet differ little.
+// Interpolates between two absorptions. ln N is nearly linear in sigma_a, since the paths that leave in one direction have
+// similar lengths.
 template <class Float> CUTICLE_HD Float between_absorptions(const Float &lower_, const Float &upper_, const Float &t) {
     const Float tiny = Float(smallest<Float>), lower = math::max(lower_, tiny), upper = math::max(upper_, tiny);
     const Float log_value = math::log(lower) + t * (math::log(upper) - math::log(lower));

@@ -1,12 +1,12 @@
 // Chiang et al. 2016, "A Practical and Controllable Hair and Fur Model for Production Path Tracing".
 //
-// Near field: the offset h at which the viewer's ray meets the fibre is known, so each lobe leaves about one azimuth:
-// f cos(theta_i) = Σ_p A_p(h) M_p(theta_i) N_p(phi - phi_p(h)), p = R, TT, TRT and one for all orders past TRT, of even
-// azimuth. Lobes are drawn by the luminance of A_p, so that the pdf is f cos itself but for colour.
-// Far field: h integrated over the width of the fibre; azimuthal.h tabulates it with the logistic distribution.
+// Near field: the offset h at which the viewer's ray meets the fibre is known, so each lobe lies around one azimuth:
+// f cos(theta_i) = Σ_p A_p(h) M_p(theta_i) N_p(phi - phi_p(h)), p = R, TT, TRT and a last lobe, uniform in azimuth, for all
+// orders past TRT. Lobes are drawn in proportion to the luminance of A_p, so that the pdf equals f cos up to colour.
+// Far field: h is integrated over the width of the fibre; azimuthal.h tabulates it with the logistic distribution.
 //
-// Differs from the paper, and from hosts, in: exp(-x) I0(x) to 5e-7 (longitudinal.h); the tilt is that of scales which lean
-// toward the root for alpha > 0, R being moved toward the root.
+// Differs from the paper, and from hosts, in: exp(-x) I0(x) is accurate to 5e-7 (longitudinal.h); alpha > 0 means scales
+// that lean toward the root, which moves R toward the root.
 #ifndef CUTICLE_SCATTERING_CHIANG_H
 #define CUTICLE_SCATTERING_CHIANG_H
 
@@ -26,13 +26,13 @@ template <class Float> struct ChiangFibre {
 // Each lobe at one viewer and offset.
 template <class Float> struct ChiangState {
     CrossSection<Float> ray;
-    Float axis[chiang_lobes];         // theta about which M lies
+    Float axis[chiang_lobes];         // theta around which M is centred
     Float azimuth[lobe_count];        // phi_p
     Float probability[chiang_lobes];  // of being drawn; they sum to 1
 };
 
-// sigma_a, luminance: one value a channel; luminance weighs the channels when a lobe is drawn. Null weighs them so that the
-// mean over channels of 1/ESS is least: for lobes that lie apart, by the root of Σ_c (A_p,c / Σ_p A_p,c)².
+// sigma_a and luminance hold one value per channel. A lobe's probability is the luminance of A_p; with a null pointer it
+// makes the mean over channels of 1/ESS least: for lobes that do not overlap, it is the root of Σ_c (A_p,c / Σ_p A_p,c)².
 template <class Float, class Scalar, class Absorption>
 CUTICLE_HD ChiangState<Float> chiang_state(const ChiangFibre<Scalar> &fibre, const Float &theta_r, const Float &h,
                                            const Absorption *sigma_a, const Scalar *luminance, int channels) {
@@ -94,8 +94,8 @@ CUTICLE_HD Float chiang_pdf(const ChiangFibre<Scalar> &fibre, const ChiangState<
     return sum;
 }
 
-// A direction from three numbers in [0, 1): the first draws the lobe, and what is left of it the azimuth about the lobe's
-// axis (d'Eon, Marschner and Hanika 2013), so that theta is drawn about the tilted axis itself.
+// Draws a direction from three numbers in [0, 1). The first chooses the lobe and, rescaled, gives the azimuth around the
+// lobe's axis (d'Eon, Marschner and Hanika 2013), so that theta is drawn about the tilted axis itself.
 template <class Float, class Scalar>
 CUTICLE_HD Sample<Float> chiang_sample(const ChiangFibre<Scalar> &fibre, const ChiangState<Float> &state,
                                        const Float &u_lobe, const Float &u_theta, const Float &u_phi) {
@@ -126,21 +126,22 @@ CUTICLE_HD Sample<Float> chiang_sample(const ChiangFibre<Scalar> &fibre, const C
     return {theta_i, phi, chiang_pdf(fibre, state, theta_i, phi)};
 }
 
-// The far field's last lobe: A past TRT averaged over h, at viewers' inclinations i (pi/2) / (rows - 1): [rows][channels].
+// The far field's last lobe: A of the orders past TRT, averaged over h, for viewers at i (pi/2) / (rows - 1):
+// [rows][channels].
 template <class Scalar, class Memory = const Scalar *> struct ChiangRest {
     Memory energy;
     int rows, channels;
     Scalar variance;  // of its M, in theta
 };
 
-// Its part of f for an energy, the same for all phi.
+// Its part of f, which is the same for all phi.
 template <class Value, class Float>
 CUTICLE_HD Value chiang_rest(const Value &energy, const Float &theta_i, const Float &theta_r, const Float &variance) {
     return energy_conserving_m(theta_i, Float(-theta_r), variance) / math::cos_theta(theta_i) * energy *
            Float(.5 / pi<double>);
 }
 
-// The same at a viewer: the constant that marschner_terms leaves 0. A channel is an int or a ChannelBetween.
+// The same for a viewer and a channel, an int or a ChannelBetween: the constant that marschner_terms leaves 0.
 template <class Float, class Scalar, class Memory, class Channel>
 CUTICLE_HD Float chiang_far_rest(const ChiangRest<Scalar, Memory> &rest, const Float &theta_i, const Float &theta_r,
                                  const Channel &channel) {

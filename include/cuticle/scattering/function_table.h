@@ -1,10 +1,11 @@
-// A scattering function as a table, for one that a host cannot work out itself: measured, simulated, of another program.
+// A scattering function as a table, for functions that a host cannot compute: measured, simulated, from another program.
 //
-// Energy and shape are apart: ln ∫ f cos is linear between viewers of its own and, from one strand on, between strand
-// counts; the shape f cos(theta_i) / ∫ f cos is linear between viewers, rows, columns and counts. Viewers lie at theta_r =
-// (pi/2) sin(t), t even over ±pi/2: closer together toward the poles, where Fresnel's term turns quickly. Rows lie at
-// theta_i + theta_r = sinh(s) / stretch, s even over ±reach: dense about the highlight theta_i = -theta_r, where fibres are
-// sharp, so that neighbouring viewers' highlights fall together. What lies past a pole repeats the pole's value.
+// Energy and shape are stored apart. ln ∫ f cos is linear between viewers, of which it has its own, and from one strand on
+// between strand counts. The shape f cos(theta_i) / ∫ f cos is linear between viewers, rows, columns and counts.
+// Viewers lie at theta_r = (pi/2) sin(t), t evenly spaced over ±pi/2: denser toward the poles, where Fresnel reflection
+// changes quickly. Rows lie at theta_i + theta_r = sinh(s) / stretch, s evenly spaced over ±reach: dense around the
+// highlight theta_i = -theta_r, where fibres are sharp, so that the highlights of neighbouring viewers coincide. Past a
+// pole, the pole's value is repeated.
 #ifndef CUTICLE_SCATTERING_FUNCTION_TABLE_H
 #define CUTICLE_SCATTERING_FUNCTION_TABLE_H
 
@@ -15,20 +16,20 @@ namespace cuticle {
 template <class Scalar, class Memory = const Scalar *> struct TabulatedModel {
     Memory shape;           // [counts][viewers][rows][columns][channels]: 1/sr
     Memory log_energy;      // [counts][energies][channels]
-    const Scalar *strands;  // [counts]: several begin with 0 and 1, or at 1 or more
+    const Scalar *strands;  // [counts]: if several, from 0 and 1 on, or from 1 or more
     int counts, viewers, energies, rows, columns, channels;
     Scalar reach, stretch;  // sinh(reach) / stretch is pi
     bool even;              // columns over [0, pi], else over [-pi, pi]
 };
 
-// Eight entries and their weights, once for every channel and strand count.
+// Eight entries and their weights, found once for all channels and strand counts.
 template <class Float> struct Trilinear {
     typename ArrayTraits<Float>::Index first, energy;  // first value of the lowest corner, and the energy below
     int viewer_step, row_step, column_step;
     Float a, b, c, e;  // fractions towards the next viewer, row, column and energy
 };
 
-// Fractions of the way through viewers (and energies), rows and columns; `share` is ½ / reach.
+// Positions from 0 to 1 along viewers (and energies), rows and columns; `share` is ½ / reach.
 template <class Float> CUTICLE_INLINE Float viewer_fraction(const Float &theta_r) {
     const Float sine = math::clamp(Float(theta_r * Float(2 / pi<double>)), Float(-1), Float(1));
     return math::asin(sine) * Float(1 / pi<double>) + Float(.5);
@@ -79,9 +80,9 @@ CUTICLE_HD Float interpolate(const Memory &shape, const Trilinear<Float> &at, co
     return math::convex(sheet(0), sheet(at.viewer_step), at.a);
 }
 
-// What the shapes of two counts are multiplied by, given the logs of their energies: up to one strand the functions for none
-// and for one are mixed by the share of light; from there on light fades by the same factor a strand, past the last count as
-// before it.
+// The factors of the shapes at two counts, given the logs of their energies. Up to one strand, the functions for none and
+// for one are mixed by their shares of the light. From one strand on, light decays by a constant factor per strand, past
+// the last count as well.
 template <class Value> struct CountWeights {
     Value lower, upper;
 };

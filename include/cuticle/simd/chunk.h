@@ -1,4 +1,4 @@
-// The vectors that the compiler has (GCC, Clang, on the host), of which packs are made; elsewhere a chunk is one number.
+// Chunks, of which packs are made: vectors of the compiler (GCC and Clang, on the host), elsewhere single numbers.
 #ifndef CUTICLE_SIMD_CHUNK_H
 #define CUTICLE_SIMD_CHUNK_H
 
@@ -19,7 +19,7 @@
 #endif
 #endif
 
-// The widest vectors of the machine compiled for. Wider ones the compiler takes apart, GCC number by number.
+// The widest vectors of the target machine. Compilers split wider ones, GCC into single numbers.
 #if defined(__AVX512F__)
 #define CUTICLE_VECTOR_BYTES 64
 #elif defined(__AVX__)
@@ -31,7 +31,7 @@
 namespace cuticle {
 namespace detail {
 
-// Lanes of a chunk: the largest power of two that divides N and fits so many bytes; 1 is the scalar itself.
+// Lanes of a chunk: the largest power of two that divides N and fits in `Bytes`; 1 means the scalar itself.
 template <class T, int N, int Bytes> constexpr int chunk_width() {
     int width = 1;
     if (CUTICLE_NATIVE_PACK && std::is_arithmetic_v<T>)
@@ -67,7 +67,7 @@ CUTICLE_CHUNK(std::int32_t, Integer, 8)
 CUTICLE_CHUNK(std::int32_t, Integer, 16)
 #undef CUTICLE_CHUNK
 
-// By halves, down to a machine's words.
+// Whether any bit is set: halves are combined until single words are left.
 template <class V> CUTICLE_INLINE bool any_bit(const V &x) {
     if constexpr (sizeof(V) > 16) {
         typename NativeChunk<sizeof(V) / 8>::Integer half[2];
@@ -90,8 +90,8 @@ template <int First, class V, int... I> CUTICLE_INLINE auto half_chunk(const V &
 }
 #endif
 
-// Vectors are copied one by one: what holds several of them GCC copies through memory, in pieces smaller than what is loaded
-// next, which waits for all of them.
+// Copies its vectors one by one. GCC copies a struct of vectors through memory in narrower stores than the following load,
+// which defeats store forwarding.
 template <class Vector, int Count, bool Apart> struct Chunks {
     Vector v[Count];
 };
@@ -107,7 +107,7 @@ template <class Vector, int Count> struct Chunks<Vector, Count, true> {
     }
 };
 
-// Bytes that say that a pack's lanes are directions, not lobes: arrays of such packs the compiler copies best by itself.
+// The B of packs whose lanes are directions, not lobes. The compiler copies arrays of such packs best by itself.
 inline constexpr int lane_bytes = 64;
 template <class T, int N, int B>
 using ChunksOf = Chunks<typename Chunk<T, chunk_width<T, N, B>()>::type, N / chunk_width<T, N, B>(),

@@ -1,5 +1,5 @@
-// Packs whose lanes are directions: their indices into memory, by whole loads where the compiler has vectors, and arrays
-// that are read and written by groups of lanes.
+// Packs whose lanes are directions: indices into memory, whole vector loads from a table where the compiler has vectors,
+// and arrays read and written in groups of lanes.
 #ifndef CUTICLE_SIMD_LANES_H
 #define CUTICLE_SIMD_LANES_H
 
@@ -45,10 +45,10 @@ CUTICLE_INDEX_CHOICE(max, >)
 #if CUTICLE_NATIVE_SHUFFLE
 namespace detail {
 
-// A quarter a lane: floats of the table, or parts of lanes.
+// L floats in groups of four: four table entries of one lane or, transposed, one entry of four lanes.
 template <int L> using Quads = typename NativeChunk<L>::Single;
 
-// Four floats of each of the lanes 0, 4, 8, 12.
+// Reads four consecutive floats for each of the lanes 0, 4, 8, 12, one group a lane.
 template <int L> CUTICLE_INLINE Quads<L> read_quads(const float *data, const std::int32_t *first) {
     if constexpr (L == 4) {
         Quads<4> r;
@@ -64,15 +64,15 @@ template <int L> CUTICLE_INLINE Quads<L> read_quads(const float *data, const std
     }
 }
 
-// The same four picked in every quarter; 4 and more are b's.
+// Applies one shuffle to each group of four; indices from 4 on select from b.
 template <int P0, int P1, int P2, int P3, class V, int... I>
 CUTICLE_INLINE V pick(const V &a, const V &b, std::integer_sequence<int, I...>) {
     constexpr int from[4] = {P0, P1, P2, P3}, width = sizeof...(I);
     return __builtin_shufflevector(a, b, (from[I % 4] % 4 + from[I % 4] / 4 * width + I / 4 * 4)...);
 }
 
-// Turned over: the j-th float of every lane becomes out[j]. Lanes k, k + 4, ... share a vector, so that nothing crosses its
-// quarters.
+// Transposes: out[j] holds the j-th float of every lane. Lanes k, k + 4, ... share a vector, so that no shuffle crosses
+// groups of four.
 template <int L> CUTICLE_INLINE void turn_over(const Quads<L> (&r)[4], Quads<L> (&out)[4]) {
     constexpr std::make_integer_sequence<int, L> all;
     const auto low01 = pick<0, 4, 1, 5>(r[0], r[1], all), high01 = pick<2, 6, 3, 7>(r[0], r[1], all);
@@ -86,7 +86,7 @@ template <int L> CUTICLE_INLINE void turn_over(const Quads<L> (&r)[4], Quads<L> 
 }  // namespace detail
 #endif
 
-// Lanes that go side by side: as many floats as a vector holds.
+// The pack for directions in batches: as many floats as a vector holds.
 template <class T> using BatchLanes = Pack<T, CUTICLE_VECTOR_BYTES / 4, detail::lane_bytes>;
 
 namespace detail {
@@ -104,7 +104,7 @@ template <class Lanes, class T> CUTICLE_INLINE void write(const Lanes &x, T *to,
         for (int i = 0; i < count; ++i) to[i] = x[i];
 }
 
-// body(first, how many) for groups that fill the lanes, the last one in part.
+// Calls body(first, count) for groups that fill the lanes; the last may fill them in part.
 template <class Lanes, class Body> CUTICLE_INLINE void groups(std::size_t count, const Body &body) {
     constexpr std::size_t width = Lanes::width * Lanes::chunks;
     for (std::size_t i = 0; i < count; i += width) body(i, static_cast<int>(count - i < width ? count - i : width));

@@ -1,6 +1,6 @@
-// N values of a scalar type side by side, itself usable as the scalar type of the core: the lobes of a mixture are
-// evaluated as one Pack, through the same lines as a single number. float and double become the compiler's vectors
-// where it has them (GCC, Clang, on the host); any other type is an array and a loop.
+// A pack of N values of a scalar type, which serves wherever the core takes a scalar: the lobes of a mixture are evaluated
+// as one Pack by the same code as a single number. Packs of float and double are made of the compiler's vectors where it
+// has them (GCC and Clang, on the host); packs of other types are arrays with loops.
 #ifndef CUTICLE_SIMD_PACK_H
 #define CUTICLE_SIMD_PACK_H
 
@@ -10,7 +10,7 @@ namespace cuticle {
 
 template <int N> struct PackIndex;
 
-// B: bytes of its widest vectors. No more than 32 suit lobes side by side, which are joined, halved and summed.
+// B: bytes of its widest vectors. Packs of lobes use at most 32, since they are joined, halved and summed.
 template <class T, int N, int B = CUTICLE_VECTOR_BYTES < 32 ? CUTICLE_VECTOR_BYTES : 32>
 struct Pack : detail::ChunksOf<T, N, B> {
     static constexpr int width = detail::chunk_width<T, N, B>(), chunks = N / width;
@@ -18,7 +18,7 @@ struct Pack : detail::ChunksOf<T, N, B> {
     using detail::ChunksOf<T, N, B>::v;
 
     Pack() = default;
-    // A number by value: device code may not refer to a constant.
+    // Takes numbers by value: device code may not bind a reference to a constant.
     CUTICLE_INLINE explicit Pack(std::conditional_t<std::is_arithmetic_v<T>, T, const T &> x) { fill(x); }
     template <class S, class = std::enable_if_t<std::is_arithmetic_v<S> && !std::is_same_v<S, T>>>
     CUTICLE_INLINE explicit Pack(S x) {
@@ -58,7 +58,7 @@ template <class T, int N, int B> struct PackMask {
     typename detail::Chunk<T, Pack<T, N, B>::width>::Mask m[Pack<T, N, B>::chunks];
 };
 
-// Integers side by side: where lanes read a table. Worked on by whole chunks: what is written in parts and read whole waits.
+// Indices at which lanes read a table. Operations work on whole chunks: a whole load after partial stores stalls.
 template <int N> struct PackIndex {
     static constexpr int width = detail::chunk_width<std::int32_t, N, CUTICLE_VECTOR_BYTES>();
     using Chunk = typename detail::Chunk<std::int32_t, width>::type;
@@ -76,7 +76,7 @@ template <int N> struct PackIndex {
     CUTICLE_INLINE void put(int first, const Chunk &x) { std::memcpy(v + first, &x, sizeof x); }
 };
 
-// As a type of its own: what each lane does on its own.
+// A pack as an array type: what each lane does by itself.
 template <class T, int N, int B> struct ArrayTraits<Pack<T, N, B>> {
     using Scalar = scalar_t<T>;
     using Index = PackIndex<N>;
@@ -112,7 +112,7 @@ template <class T, int N, int B> struct ArrayTraits<Pack<T, N, B>> {
                 found |= ArrayTraits<T>::any(chunk);
         return found;
     }
-    // Steps are taken by all lanes, and kept by those that still go. State tells its members, in their order, to apply(use).
+    // All lanes take every step; finished lanes discard it. State::apply(use) passes its members to `use`, in order.
     template <class State, class Condition, class Body>
     static CUTICLE_INLINE void loop(State &state, const Condition &condition, const Body &body) {
         for (;;) {
@@ -188,7 +188,7 @@ template <class T, int N> CUTICLE_INLINE Pack<T, N> load_pack(const T *data) {
     return r;
 }
 
-// Two packs as one of twice the length, and its first (Part 0) or second half again.
+// join concatenates two packs; half returns the first (Part 0) or the second half.
 template <class T, int N, int B> CUTICLE_INLINE Pack<T, 2 * N, B> join(const Pack<T, N, B> &a, const Pack<T, N, B> &b) {
     using From = Pack<T, N, B>;
     Pack<T, 2 * N, B> r;
@@ -226,7 +226,7 @@ template <int Part, class T, int N, int B> CUTICLE_INLINE Pack<T, N / 2, B> half
     return r;
 }
 
-// By halves, which shortens the wait for the last addition.
+// Adds halves, which shortens the chain of dependent additions.
 template <class T, int N, int B> CUTICLE_INLINE T sum(const Pack<T, N, B> &a) {
     if constexpr (N == 1) {
         return a[0];

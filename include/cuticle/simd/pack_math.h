@@ -1,4 +1,4 @@
-// Functions of packs, lane by lane: single precision through the polynomials of math/functions.h as whole vectors.
+// Functions of packs, lane by lane. Single precision evaluates the polynomials of math/functions.h on whole vectors.
 #ifndef CUTICLE_SIMD_PACK_MATH_H
 #define CUTICLE_SIMD_PACK_MATH_H
 
@@ -11,7 +11,7 @@ namespace detail {
 
 template <class V> CUTICLE_INLINE V chunk_max(const V &a, const V &b) { return a < b ? b : a; }
 template <class V> CUTICLE_INLINE V chunk_min(const V &a, const V &b) { return b < a ? b : a; }
-// GCC makes a comparison and a choice of what is one instruction.
+// GCC compiles the expressions above to a comparison and a blend; these are one instruction.
 #if CUTICLE_NATIVE_PACK && !defined(__clang__) && defined(__SSE2__)
 CUTICLE_INLINE auto chunk_max(const NativeChunk<4>::Single &a, const NativeChunk<4>::Single &b) {
     return __builtin_ia32_maxps(b, a);
@@ -39,7 +39,7 @@ CUTICLE_INLINE auto chunk_min(const NativeChunk<16>::Single &a, const NativeChun
 
 }  // namespace detail
 
-// All here is found from cuticle::math by argument-dependent lookup, as any array type's own functions are.
+// cuticle::math finds these by argument-dependent lookup, as it finds any array type's functions.
 template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> max(const Pack<T, N, B> &a, const Pack<T, N, B> &b) {
     Pack<T, N, B> r;
     CUTICLE_UNROLL

@@ -1,4 +1,4 @@
-// A few numbers of a kind that are worked on at once.
+// A few numbers that are evaluated together.
 #ifndef CUTICLE_SIMD_SEVERAL_H
 #define CUTICLE_SIMD_SEVERAL_H
 
@@ -6,7 +6,7 @@
 
 namespace cuticle {
 
-// In single precision one vector, filled up with lanes that nobody reads: what all lanes begin with must be in range.
+// In single precision one vector, padded with unused lanes; their initial values must be valid arguments, too.
 template <class Float, int N> using Several = Pack<Float, !std::is_same_v<Float, float> ? N : N <= 4 ? 4 : 8>;
 
 }  // namespace cuticle
