@@ -115,70 +115,29 @@ def test_exact_backscatter_agrees_with_a_walk_over_strands(a_f: float) -> None:
     assert abs(returned.mean() - shift) <= 0.01 * deviation
 
 
-@pytest.mark.parametrize("behind", [None, 0, 1, 4])
-@pytest.mark.parametrize("before", [0, 1, 3])
-def test_stacks_agree_with_a_walk_over_strands(before: int, behind: int | None) -> None:
-    """What comes to a strand with so many before and behind it, and what those behind send back of it."""
-    a_f, a_b = 0.75, 0.15
-    energy = _core.backscatter(a_f, a_b, 0.0, 0.0, 0.1, 0.1, True, 1.0)[0]
-    passed, _, _ = _core.stack(a_f, a_b, energy, 0.0, 0.0)
-    # A whole number in place of a random one: the mean of q^m is that of a Poisson number of another mean.
-    q = passed**2
-    mean = 1e300 if behind is None else behind * math.log(q) / (q - 1)
-    _, back, reach = _core.stack(a_f, a_b, energy, mean, float(before))
-
-    rng = np.random.default_rng(5)
-    count, own = 1_000_000, before  # the strand itself is number `before`
-    place, heading = np.zeros(count, int), np.ones(count, int)
-    arrived = returned = 0
-    while len(place):
-        here = place == own
-        arrived += int((here & (heading > 0)).sum())
-        returned += int((here & (heading < 0)).sum())
-        u = rng.random(len(place))
-        heading = np.where((u >= a_f) & (u < a_f + a_b), -heading, heading)
-        place = place + heading
-        inside = (u < a_f + a_b) & (place >= 0)
-        if behind is not None:
-            inside &= place <= own + behind
-        place, heading = place[inside], heading[inside]
-    # Standard errors of a million walks: below .5 % of the rarest of these.
-    assert arrived / count == pytest.approx(passed**before * reach, rel=0.01)
-    # What comes from behind and passes the strand again is backscatter.
-    assert returned * a_f / arrived == pytest.approx(energy * back, rel=0.015, abs=1e-12)
-
-
-# The total variation distance that docs/models.md states: the presets' worst, and brown hair seen as in most pictures.
-@pytest.mark.parametrize(
-    ("preset", "formulation", "expected", "theta_r", "distance"),
-    [
-        *(("brown", form, n, 0.3, 0.03) for form in ("exact", "zinke2008") for n in (0.0, 0.05, 0.8, 3.0, 12.0)),
-        ("marschner", "exact", 12.0, 0.3, 0.04),
-        ("brown", "exact", 8.0, 1.5, 0.045),
-        ("marschner", "exact", 8.0, 1.5, 0.085),
-    ],
-)
-def test_an_expected_number_of_strands_is_the_mean_over_poissons(
-    preset: str, formulation: str, expected: float, theta_r: float, distance: float
-) -> None:
-    model = DualScattering(Fibre.preset(preset), formulation=formulation)
+@pytest.mark.parametrize("expected", [0.0, 0.05, 0.8, 3.0, 12.0])
+def test_an_expected_number_of_strands_as_printed_is_the_mean_over_poissons(expected: float) -> None:
+    model = DualScattering(Fibre.preset("brown"), formulation="zinke2008")
     theta, phi, cell = sphere(180, 60)
-    mean = model.expected(theta, theta_r, phi, expected)
+    mean = model.expected(theta, 0.3, phi, expected)
     sum_over_n = sum(
-        poisson.pmf(n, expected) * model.with_strands(n).eval(theta, theta_r, phi) for n in range(int(4 * expected) + 12)
+        poisson.pmf(n, expected) * model.with_strands(n).eval(theta, 0.3, phi) for n in range(int(4 * expected) + 12)
     )
     weight = (np.cos(theta) ** 2 * cell * np.ones_like(phi))[..., None]
     energy = (mean * weight).sum(axis=(0, 1))
-    # Energies are those of the sum (for a Gaussian M, but for its cut at the poles); one M of the mean width stands for a
-    # sum of Ms of all widths, which is a little more peaked and longer in its tails.
-    np.testing.assert_allclose(energy, (sum_over_n * weight).sum(axis=(0, 1)), rtol=1e-3 if formulation == "exact" else 0.02)
-    assert (0.5 * (np.abs(mean - sum_over_n) * weight).sum(axis=(0, 1)) <= distance * energy).all()
+    # Energies are those of the sum, but for the Gaussian's cut at the poles; one M of the mean width stands for a sum of Ms
+    # of all widths, which is a little more peaked and longer in its tails.
+    np.testing.assert_allclose(energy, (sum_over_n * weight).sum(axis=(0, 1)), rtol=0.02)
+    assert (0.5 * (np.abs(mean - sum_over_n) * weight).sum(axis=(0, 1)) <= 0.03 * energy).all()
 
 
 def test_strands_behind_send_back_what_a_half_space_of_them_does() -> None:
     model = DualScattering(Fibre.preset("blond"))
     at = (0.1, 0.2, 0.5)
-    np.testing.assert_allclose(model.expected(*at, 2.0, behind=1e4), model.expected(*at, 2.0), rtol=1e-9)
+    half_space = model.expected(*at, 2.0, behind=1e4)
+    np.testing.assert_allclose(model.expected(*at, 2.0, behind=1e3), half_space, rtol=1e-9)
+    # Endless to the sides as well, a medium scatters more of the light on slanted ways.
+    assert (model.expected(*at, 2.0) > half_space).all()
     none = model.expected(*at, 0.0, behind=0.0)
     np.testing.assert_allclose(none, model.eval(*at, lobes=("R", "TT", "TRT")), rtol=1e-12)
     back = model.expected(*at, 0.0, behind=[0.5, 1, 2, 4, 8, 16], lobes="back")
@@ -238,51 +197,11 @@ def test_zinke2008_is_as_printed() -> None:
     assert float(model.eval(theta_i, theta_r, phi)[0]) == pytest.approx(expected, rel=2e-3)
 
 
-@pytest.mark.parametrize("theta_r", [-1.2, 0.0, 0.7])
-@pytest.mark.parametrize("strands", [0, 1, 4])
-def test_exact_carries_the_energy_it_stands_for(theta_r: float, strands: int) -> None:
-    fibre = Fibre(alpha_R=-5, beta_R=6, sigma_a=0.5, beta_N=10)
-    model = DualScattering(fibre, strands)
-    a = model.averages(theta_r)
-    theta, phi, cell = sphere(1440, 180)
-    weight = np.cos(theta) ** 2 * cell
-    scattered = float((model.eval(theta, theta_r, phi, lobes=("R", "TT", "TRT"))[..., 0] * weight).sum())
-    through = fibre.d_f * float(a.pass_on[0]) ** strands if strands else 1.0
-    assert scattered == pytest.approx(through * float(a.a_f[0] + a.a_b[0]), rel=5e-3)  # tables of half a degree
-    f = model.eval(theta, theta_r, phi, lobes="back")[..., 0] * weight
-    behind = float(f[:, np.abs(phi[0]) < np.pi / 2].sum())
-    assert behind == pytest.approx(through * fibre.d_b * float(a.back_energy[0]), rel=2e-3)
-
-
-def test_spread_light_needs_no_factor_pi() -> None:
-    """Light spread evenly over the front half turn: the mean of f over it, for the fibre's lobes and for backscatter."""
-    fibre = Fibre(alpha_R=0, alpha_TT=0, alpha_TRT=0, beta_R=8, beta_TT=8, beta_TRT=8, sigma_a=1.0, beta_N=10)
-    direct, through = DualScattering(fibre, 0), DualScattering(fibre, 1)
-    a = direct.averages(0.2)
-    turn = (np.arange(3600) + 0.5) / 3600 * np.pi - np.pi / 2
-    # Compare azimuth only: at given theta both are the same function of phi up to the widened M.
-    phi = np.array([0.0, 0.8, 2.0, 3.1])
-    mean = direct.eval(-0.2, 0.2, phi[:, None] - turn, lobes=("R", "TT", "TRT"))[..., 0].mean(axis=1)
-    spread = through.eval(-0.2, 0.2, phi, lobes=("R", "TT", "TRT"))[..., 0]
-    np.testing.assert_allclose(spread / spread[0], mean / mean[0], rtol=5e-3)
-    assert float(a.alpha_f[0]) == 0
-
-
 def test_between_none_and_one_strand_it_is_a_blend() -> None:
     theta, phi, _ = sphere(30, 20)
     for formulation in ("exact", "zinke2008"):
         f = [DualScattering(Fibre.preset("brown"), n, formulation).eval(theta, 0.4, phi) for n in (0, 0.25, 1)]
         np.testing.assert_allclose(f[1], 0.75 * f[0] + 0.25 * f[2], rtol=1e-12)
-
-
-def test_fractional_strands_are_fractional_powers() -> None:
-    fibre = Fibre.preset("brown")
-    theta, phi, cell = sphere(720, 60)
-    a = DualScattering(fibre).averages(0.3)
-    for n in (1.5, 3.25):
-        f = DualScattering(fibre, n).eval(theta, 0.3, phi, lobes=("R", "TT", "TRT"))
-        energy = np.einsum("abc,ab->c", f, np.cos(theta) ** 2 * cell * np.ones_like(phi))
-        np.testing.assert_allclose(energy, fibre.d_f * a.pass_on**n * (a.a_f + a.a_b), rtol=5e-3)
 
 
 @pytest.mark.parametrize(

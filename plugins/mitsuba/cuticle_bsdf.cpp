@@ -31,7 +31,16 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
         m_columns = int(direct.shape(1));
         m_channels = int(direct.shape(3));
         m_direct = direct.array();
-        if (props.has_property("averages")) {
+        if (props.has_property("through_lobes")) {
+            const TensorXf &lobes = props.get_any<TensorXf>("through_lobes");
+            const TensorXf &azimuth = props.get_any<TensorXf>("through_azimuth");
+            m_through = {int(lobes.shape(2)), int(azimuth.shape(2)), int(azimuth.shape(3))};
+            m_lobes = lobes.array();
+            m_azimuth = azimuth.array();
+            m_through_behind = props.get_any<TensorXf>("through_behind").array();
+            m_through_limit = props.get<ScalarFloat>("through_limit");
+        }
+        if (props.has_property("spread")) {
             m_spread = props.get_any<TensorXf>("spread").array();
             const TensorXf &averages = props.get_any<TensorXf>("averages");
             m_average_rows = int(averages.shape(0));
@@ -50,8 +59,9 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
                    m_channels - m_exact_channels};
         // The fibre's own absorption has channels of its own; any other falls between two of the range.
         m_fixed = !props.has_property("scale") && (m_exact_channels == 1 || is_rgb_v<Spectrum>);
-        Base::set_flags(m_scale->is_spatially_varying(),
-                        m_average_rows > 0 ? cuticle_mitsuba::hair_flag | cuticle_mitsuba::mean_flag : 0u);
+        Base::set_flags(m_scale->is_spatially_varying(), m_average_rows > 0 || m_through.rows > 0
+                                                             ? cuticle_mitsuba::hair_flag | cuticle_mitsuba::mean_flag
+                                                             : 0u);
     }
 
     void parameters_changed(const std::vector<std::string> &keys = {}) override {
@@ -68,7 +78,8 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
         const auto tables = [](auto &b) {
             return std::tie(b.m_fibre, b.m_formulation, b.m_range, b.m_d_f, b.m_d_b, b.m_limit, b.m_rest_variance, b.m_rows,
                             b.m_columns, b.m_channels, b.m_exact_channels, b.m_average_rows, b.m_rest_rows, b.m_direct,
-                            b.m_spread, b.m_averages, b.m_rest);
+                            b.m_spread, b.m_averages, b.m_rest, b.m_through, b.m_through_limit, b.m_lobes, b.m_azimuth,
+                            b.m_through_behind);
         };
         tables(*this) = tables(static_cast<const CuticleBSDF &>(made));
     }
@@ -85,7 +96,10 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
                           {cuticle_mitsuba::memory<Float>(m_averages), m_average_rows, m_limit},
                           m_formulation,
                           m_d_f,
-                          m_d_b};
+                          m_d_b,
+                          {cuticle_mitsuba::memory<Float>(m_lobes), cuticle_mitsuba::memory<Float>(m_azimuth),
+                           cuticle_mitsuba::memory<Float>(m_through_behind), m_through.rows, m_through.azimuth_rows,
+                           m_through.columns, m_channels, m_through_limit}};
         const auto at =
             cuticle::locate(model.direct, cuticle::azimuthal_inclination(m_fibre.form, theta_i, r.theta), Float(phi));
         cuticle::AzimuthalTerms<Float> alone;
@@ -103,7 +117,7 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
             }
             auto terms = alone;
             cuticle::add_surroundings(model, channel, theta_i, r.theta, around, cuticle::mask_all, terms);
-            return cuticle::sum_around(model, terms, at, channel, around);
+            return cuticle::sum_around(model, terms, at, r.theta, Float(phi), channel, around);
         };
         UnpolarizedSpectrum f(0.f);
         if (m_fixed) {
@@ -120,12 +134,15 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
     cuticle::FibreLobes<float> m_fibre;
     cuticle::Formulation m_formulation;
     cuticle::AbsorptionRange<float> m_range;
-    float m_d_f, m_d_b, m_limit, m_rest_variance = 0;
+    struct {
+        int rows = 0, azimuth_rows = 0, columns = 0;
+    } m_through;
+    float m_d_f, m_d_b, m_limit, m_through_limit = 1, m_rest_variance = 0;
     int m_rows, m_columns, m_channels, m_exact_channels, m_average_rows = 0, m_rest_rows = 0;
     bool m_fixed;
-    FloatBuffer m_direct, m_spread, m_averages, m_rest;
+    FloatBuffer m_direct, m_spread, m_lobes, m_azimuth, m_through_behind, m_averages, m_rest;
 
-    MI_TRAVERSE_CB(Base, m_direct, m_spread, m_averages, m_rest)
+    MI_TRAVERSE_CB(Base, m_direct, m_spread, m_lobes, m_azimuth, m_through_behind, m_averages, m_rest)
 };
 
 CUTICLE_EXPORT_PLUGIN(CuticleBSDF)

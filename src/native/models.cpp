@@ -113,15 +113,9 @@ nb::tuple backscatter(double a_f, double a_b, double alpha_f, double alpha_b, do
     return nb::make_tuple(a.back_energy, a.back_shift, a.back_deviation);
 }
 
-// s, the share of A_b that a stack sends back, and what comes to a strand that `count` others stand before over s^count.
-nb::tuple stack(double a_f, double a_b, double back_energy, double behind, double count) {
-    const auto s = cuticle::stack(cuticle::Averages<double>{a_f, a_b, 0, 0, 0, 0, back_energy, 0, 0}, behind);
-    return nb::make_tuple(s.pass, s.back, cuticle::reach(s, count));
-}
-
 // A model ready to evaluate; it keeps the arrays it was given.
 struct Model {
-    In<double> direct, spread, averages, energies;
+    In<double> direct, spread, averages, energies, lobes, azimuth, behind;
     cuticle::DualScatteringModel<double> model{};
     cuticle::ChiangRest<double> rest{};
     bool dual;
@@ -131,17 +125,27 @@ struct Model {
         model.fibre = fibre_lobes(alpha, beta, energy_conserving);
         model.direct = view(direct);
     }
-    Model(const In<double> &alpha, const In<double> &beta, bool exact, const In<double> &direct_, const In<double> &spread_,
+    // Dual scattering as printed, with N^G.
+    Model(const In<double> &alpha, const In<double> &beta, const In<double> &direct_, const In<double> &spread_,
           const In<double> &averages_, double limit, double d_f, double d_b)
-        : Model(alpha, beta, exact, direct_) {
+        : Model(alpha, beta, false, direct_) {
         spread = spread_;
-        averages = averages_;
-        dual = true;
         model.spread = view(spread);
+        averages = averages_;
         model.averages = {averages.data(), static_cast<int>(averages.shape(0)), limit};
-        model.formulation = exact ? cuticle::Formulation::exact : cuticle::Formulation::zinke2008;
-        model.d_f = d_f;
-        model.d_b = d_b;
+        surround(cuticle::Formulation::zinke2008, d_f, d_b);
+    }
+    // The exact form: (2, slots, rows, 4, parts, channels), (2, slots, rows, columns, parts, channels), (rows, 3, channels).
+    Model(const In<double> &alpha, const In<double> &beta, const In<double> &direct_, const In<double> &lobes_,
+          const In<double> &azimuth_, const In<double> &behind_, double limit, double d_f, double d_b)
+        : Model(alpha, beta, true, direct_) {
+        lobes = lobes_;
+        azimuth = azimuth_;
+        behind = behind_;
+        const auto size = [](const In<double> &a, std::size_t axis) { return static_cast<int>(a.shape(axis)); };
+        model.through = {lobes.data(),     azimuth.data(),   behind.data(),    size(lobes, 2),
+                         size(azimuth, 2), size(azimuth, 3), size(azimuth, 5), limit};
+        surround(cuticle::Formulation::exact, d_f, d_b);
     }
 
     // Chiang 2016's far field: the orders past TRT, energies (rows, channels), in a lobe of their own.
@@ -169,6 +173,13 @@ struct Model {
     }
 
   private:
+    void surround(cuticle::Formulation formulation, double d_f, double d_b) {
+        dual = true;
+        model.formulation = formulation;
+        model.d_f = d_f;
+        model.d_b = d_b;
+    }
+
     void over(const In<double> &theta_i, const In<double> &theta_r, const In<double> &phi, const Broadcast<double> &strands,
               const Broadcast<double> &behind, bool random, int lobes, Out<double> &out) const {
         const auto ti = broadcast(theta_i), tr = broadcast(theta_r), ph = broadcast(phi);
@@ -301,7 +312,9 @@ void bind_models(nb::module_ &m) {
     m.attr("average_columns") = cuticle::average_columns;
     nb::class_<Model>(m, "Model")
         .def(nb::init<const In<double> &, const In<double> &, bool, const In<double> &>())
-        .def(nb::init<const In<double> &, const In<double> &, bool, const In<double> &, const In<double> &,
+        .def(nb::init<const In<double> &, const In<double> &, const In<double> &, const In<double> &, const In<double> &,
+                      double, double, double>())
+        .def(nb::init<const In<double> &, const In<double> &, const In<double> &, const In<double> &, const In<double> &,
                       const In<double> &, double, double, double>())
         .def(nb::init<const In<double> &, const In<double> &, const In<double> &, const In<double> &, double>())
         .def("eval", &Model::eval, release())
@@ -324,7 +337,6 @@ void bind_models(nb::module_ &m) {
         .def("eval", &ChiangNear::eval, release())
         .def("pdf", &ChiangNear::pdf, release())
         .def("sample", &ChiangNear::sample, release());
-    m.def("stack", &stack);
     m.def("fresnel", [](double cos_i, double eta) { return cuticle::fresnel(cos_i, eta); });
     m.def("i0_scaled", [](double x) { return cuticle::i0_scaled(x); });
 }

@@ -157,7 +157,19 @@ template <class F, class S, class M> struct Use {
             backscatter_exact(a);
             backscatter_zinke2008(a, x);
         }
-        return reach(stack(a, x), y);
+        return a.back_energy;
+    }
+#endif
+#ifdef USE_scattering_through_strands
+    F through() const {
+        const ThroughTable<S, M> table{};
+        const auto place = locate(table, x, y, random_strands, true);
+        const ChannelBetween<F> between = locate(AbsorptionRange<S>{S(.1), S(1.2), 0, 9}, x);
+        F lobes[through_parts + 1];
+        through_lobes(table, place, x, between, lobes);
+        through_lobes(table, place, x, 1, lobes);
+        lobes[0] = behind_at(table, place.row, between).alone + behind_at(table, place.row, 1).alone;
+        return add_through(x, table, place, lobes, z, between) + add_through(x, table, place, lobes, z, 1);
     }
 #endif
 #ifdef USE_scattering_dual_scattering
@@ -169,7 +181,7 @@ template <class F, class S, class M> struct Use {
         dual_scattering_around(model, terms, x, y, z, counted(x), f);
         const ChannelBetween<F> channel = locate(AbsorptionRange<S>{S(.1), S(1.2), 0, 9}, x);
         add_surroundings(model, channel, x, y, around, mask_all, terms[0]);
-        f[0] = sum_around(model, terms[0], locate(model.direct, x, y), channel, around);
+        f[0] = sum_around(model, terms[0], locate(model.direct, x, y), x, y, channel, around);
     }
 #endif
 #ifdef USE_scattering_chiang

@@ -99,6 +99,9 @@ template <class Float> void functions(std::size_t count) {
     const auto spread = table<Float>(rows * columns * cuticle::lobe_count * channels, 0, 1);
     const auto mean = table<Float>(averages * channels * cuticle::average_columns, .01, .3);
     const auto rest = table<Float>(rows * channels, 0, 1);
+    constexpr int parts = 2 * cuticle::through_slots * cuticle::through_parts * channels;
+    const auto lobes = table<Float>(parts * 4 * 5, .1, .5), azimuth = table<Float>(parts * 3 * 7, 0, .3),
+               end = table<Float>(5 * 3 * channels, .1, .9);
     const cuticle::AzimuthalTable<const Float *> n{direct.get(), rows, columns, channels},
         m{spread.get(), rows, columns, channels};
     const cuticle::AbsorptionRange<Float> range{Float(.1), Float(1.3), 0, channels};
@@ -115,15 +118,17 @@ template <class Float> void functions(std::size_t count) {
             for (const Float x : f) expect_density(what, x);
         };
         for (const auto formulation : {cuticle::Formulation::exact, cuticle::Formulation::zinke2008}) {
-            const cuticle::DualScatteringModel<Float> model{{{Float(.1), Float(-.05), Float(-.1)},
-                                                             {Float(.1), Float(.05), Float(.2)},
-                                                             cuticle::longitudinal_of(formulation)},
-                                                            n,
-                                                            m,
-                                                            {mean.get(), averages, Float(1.5)},
-                                                            formulation,
-                                                            Float(.7),
-                                                            Float(.7)};
+            const cuticle::DualScatteringModel<Float> model{
+                {{Float(.1), Float(-.05), Float(-.1)},
+                 {Float(.1), Float(.05), Float(.2)},
+                 cuticle::longitudinal_of(formulation)},
+                n,
+                m,
+                {mean.get(), averages, Float(1.5)},
+                formulation,
+                Float(.7),
+                Float(.7),
+                {lobes.get(), azimuth.get(), end.get(), 5, 3, 7, channels, Float(1.5)}};
             cuticle::AzimuthalTerms<Float> terms[channels];
             cuticle::dual_scattering_terms(model, ti, tr, around, cuticle::mask_all, terms);
             cuticle::dual_scattering_around(model, terms, ti, tr, phi, around, f);
@@ -131,7 +136,7 @@ template <class Float> void functions(std::size_t count) {
             const auto between = cuticle::locate(range, argument<Float>(0, 2));
             const auto place = cuticle::locate(n, tr, phi);
             cuticle::add_surroundings(model, between, ti, tr, around, cuticle::mask_all, terms[0]);
-            cuticle::sum_around(model, terms[0], place, between, around);
+            cuticle::sum_around(model, terms[0], place, tr, phi, between, around);
             cuticle::chiang_far_terms(model.fibre, others, ti, tr, cuticle::mask_all, terms);
             cuticle::marschner_around(model.fibre, n, terms, ti, tr, phi, f);
             check("Chiang's far field");

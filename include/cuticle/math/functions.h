@@ -281,8 +281,7 @@ template <class Float> CUTICLE_INLINE typename ArrayTraits<Float>::Index truncat
 }
 // Clamps the integer as well where the compiler may swap comparisons with NaN (-ffast-math, shaders).
 template <class Index> CUTICLE_INLINE Index held_index(const Index &i, int last) {
-    if constexpr (CUTICLE_ORDERS_NAN) return i;
-    else return math::min(math::max(Index(0), i), Index(last));
+    return CUTICLE_ORDERS_NAN ? i : Index(math::min(math::max(Index(0), i), Index(last)));
 }
 template <class Float> CUTICLE_INLINE typename ArrayTraits<Float>::Index index_below(const Float &x, int last) {
     return held_index(truncated(x, last), last);

@@ -1,13 +1,13 @@
 // Dual scattering (Zinke, Yuksel, Weber, Keyser 2008): f for light that reaches a strand directly or through n others.
 //
-// Differs from the paper in (exact only): the backscatter sums all orders, and so does what comes through; the strands
-// behind may be a stack with an end; every part is normalised to the energy it stands for; forward scattering shifts light
-// as well as spreading it; no factor pi before the backscatter of spread light. Between 0 and 1 strands both formulations
-// blend the two cases, as the paper's direct fraction does.
+// zinke2008 is the paper's. exact differs in that what comes through strands, and from those behind, is solved over all
+// orders of scattering at the true angles of travel (through_strands.h), and that the strands behind may be a stack with an
+// end. Between 0 and 1 strands both formulations blend the two cases, as the paper's direct fraction does.
 #ifndef CUTICLE_SCATTERING_DUAL_SCATTERING_H
 #define CUTICLE_SCATTERING_DUAL_SCATTERING_H
 
 #include "cuticle/scattering/multiple_scattering.h"
+#include "cuticle/scattering/through_strands.h"
 
 namespace cuticle {
 
@@ -20,22 +20,19 @@ template <class Scalar, class Memory = const Scalar *> struct AverageTable {
 
 template <class Scalar, class Memory = const Scalar *> struct DualScatteringModel {
     FibreLobes<Scalar> fibre;               // its form is longitudinal_of(formulation)
-    AzimuthalTable<Memory> direct, spread;  // N_p and N^G_p
-    AverageTable<Scalar, Memory> averages;
+    AzimuthalTable<Memory> direct, spread;  // N_p and, for zinke2008, N^G_p
+    AverageTable<Scalar, Memory> averages;  // for zinke2008
     Formulation formulation;
     Scalar d_f, d_b;
+    ThroughTable<Scalar, Memory> through;  // for exact
 };
-
-template <class Float> CUTICLE_INLINE Place<Float> locate_average(const Float &theta, int rows, const Float &limit) {
-    return locate_node(Float((theta / limit + Float(1)) * Float(.5) * Float(rows - 1)), rows);
-}
 
 template <class Float, class Scalar, class Memory, class Channel>
 CUTICLE_HD Averages<Float> averages_at(const AverageTable<Scalar, Memory> &table, const Float &theta, const Channel &channel,
                                        int channels) {
     using Traits = ArrayTraits<Float>;
     using Index = typename Traits::Index;
-    const Place<Float> place = locate_average(theta, table.rows, Float(table.limit));
+    const Place<Float> place = locate_viewer(theta, table.rows, Float(table.limit));
     const Index first = (place.node * Index(channels) + Index(channel)) * Index(average_columns);
     const auto at = [&](int column) {
         const Float lower = Traits::gather(table.data, Index(first + Index(column)));
@@ -77,55 +74,79 @@ template <class Float> CUTICLE_HD Surroundings<Float> counted(const Float &stran
     return {strands, Float(half_space<Float>), false};
 }
 
-// What has come to a strand when it is shaded: the share of light that no other strand met; what is left of the rest where
-// each passes `a_f` on; how often the rest was scattered, its mean and, where the number is random, its variance.
-template <class Float> struct Arrival {
-    Float lit, through, count, variance;
-};
-
-// A Poisson number N of mean τ: E[a^N g(N)] = exp(τ (a - 1)) E[g(N')], N' Poisson's of mean τ a; `count` and `variance` are
-// those of N' >= 1.
-template <class Float> CUTICLE_HD Arrival<Float> arrival(const Surroundings<Float> &around, const Float &a_f) {
+// The share of light that no other strand met.
+template <class Float> CUTICLE_HD Float direct_share(const Surroundings<Float> &around) {
     const Float n = math::max(around.strands, Float(0));
-    if (around.random) {
-        const Float lit = math::decay(Float(-n)), mean = n * a_f, none = math::decay(Float(-mean));
-        const Float through = math::max(Float(math::decay(Float(mean - n)) - lit), Float(0));
-        const auto few = mean < Float(.02);
-        const Float count =
-            select(few, Float(Float(1) + mean * Float(.5)), Float(mean / math::max(Float(1) - none, Float(.01))));
-        return {lit, through, count, math::max(Float(count * (Float(1) + mean - count)), Float(0))};
-    }
-    const Float lit = math::max(Float(Float(1) - n), Float(0)), count = math::max(n, Float(1));
-    const Float left = math::decay(Float(count * math::log(math::max(a_f, Float(smallest<Float>)))));
-    return {lit, (Float(1) - lit) * left, count, Float(0)};
+    return around.random ? Float(math::decay(Float(-n))) : Float(math::clamp(Float(Float(1) - n), Float(0), Float(1)));
 }
 
-// What f takes from light among others, in one channel: f = Σ_p lit M(α_p, β_p²) N_p + share M(α_p + shift, β_p² + spread)
-// N^G_p
-// + lit back M(back_shift, back_variance) + share spread_back M(back_shift + shift, back_variance + spread). The backscatter
-// does not depend on phi; with `exact` its ∫ f cos over the back half is A_b, and zinke2008's is as printed,
-// 2 A_b g / (pi cos² theta_d).
+// The paper's: what is left of the other light where each strand passes `a_f` on, and how often it was scattered. A Poisson
+// number N of mean τ: E[a^N g(N)] = exp(τ (a - 1)) E[g(N')], N' Poisson's of mean τ a; `count` is the mean of N' >= 1.
+template <class Float> struct Arrival {
+    Float through, count;
+};
+template <class Float>
+CUTICLE_HD Arrival<Float> arrival(const Surroundings<Float> &around, const Float &lit, const Float &a_f) {
+    const Float n = math::max(around.strands, Float(0));
+    if (around.random) {
+        const Float mean = n * a_f, none = math::decay(Float(-mean));
+        const Float through = math::max(Float(math::decay(Float(mean - n)) - lit), Float(0));
+        return {through, select(mean < Float(.02), Float(Float(1) + mean * Float(.5)),
+                                Float(mean / math::max(Float(1) - none, Float(.01))))};
+    }
+    const Float count = math::max(n, Float(1));
+    const Float left = math::decay(Float(count * math::log(math::max(a_f, Float(smallest<Float>)))));
+    return {(Float(1) - lit) * left, count};
+}
+
+// The paper's: what f takes from light among others, in one channel: f = Σ_p lit M(α_p, β_p²) N_p
+// + share M(α_p, β_p² + spread) N^G_p + lit back M(back_shift, back_variance)
+// + share spread_back M(back_shift, back_variance + spread), where M = g(theta_h)/cos² theta_d.
 template <class Float> struct Among {
-    Float lit, share, shift, spread;
+    Float lit, share, spread;
     Float back, spread_back, back_shift, back_variance;
 };
-
 template <class Float>
-CUTICLE_INLINE Among<Float> among_others(Formulation formulation, const Averages<Float> &a,
-                                         const Surroundings<Float> &around, const Float &d_f, const Float &d_b) {
-    const bool exact = formulation == Formulation::exact;
-    const Stack<Float> others = stack(a, around.behind);
-    const Arrival<Float> light = arrival(around, exact ? others.pass : a.a_f);
-    const Float through = exact ? Float(light.through * reach(others, light.count)) : light.through;
-    const Float energy = a.back_energy * (exact ? others.back : Float(2));
-    const Float back = d_b * energy * Float(1 / pi<double>);
-    const Float widened = light.count * a.beta_f * a.beta_f;
-    const Float spread = exact ? Float(widened + light.variance * a.alpha_f * a.alpha_f) : widened;
-    const Float shift = exact ? Float(light.count * a.alpha_f) : Float(0);
-    const Float density = exact ? d_f : Float(d_f * d_f);  // printed twice: T_f holds one
-    const Float spread_back = exact ? back : Float(back * Float(pi<double>));
-    return {light.lit, density * through, shift,        spread,
-            back,      spread_back,       a.back_shift, a.back_deviation * a.back_deviation};
+CUTICLE_INLINE Among<Float> among_others(const Averages<Float> &a, const Surroundings<Float> &around, const Float &d_f,
+                                         const Float &d_b) {
+    const Float lit = direct_share(around), back = Float(2 / pi<double>) * d_b * a.back_energy;
+    const Arrival<Float> light = arrival(around, lit, a.a_f);
+    const Float density = d_f * d_f;  // printed twice: T_f holds one
+    return {lit,
+            density * light.through,
+            light.count * a.beta_f * a.beta_f,
+            back,
+            Float(pi<double>) * back,
+            a.back_shift,
+            a.back_deviation * a.back_deviation};
+}
+
+// Strands that exact looks up: a count below 1 is a share of light that met one.
+template <class Float> CUTICLE_INLINE Float strands_met(const Surroundings<Float> &around) {
+    return around.random ? Float(math::max(around.strands, Float(0))) : Float(math::max(around.strands, Float(1)));
+}
+
+// What the parts of exact are multiplied by: those of light that other strands scattered, and the backscatter of it and of
+// direct light.
+template <class Float> struct Shares {
+    Float lit, scattered, back, direct_back;
+};
+template <class Float>
+CUTICLE_INLINE Shares<Float> shares(const Behind<Float> &end, const Surroundings<Float> &around, const Float &d_f,
+                                    const Float &d_b) {
+    const Float b = math::max(around.behind, Float(0));
+    const Float none = math::decay(Float(-end.scattered * b)), direct = math::decay(Float(-end.direct * b));
+    const Float lit = direct_share(around), other = d_f * math::max(Float(Float(1) - lit), Float(0));
+    return {lit, other * (Float(1) - (Float(1) - end.alone) * none),
+            d_b * other * math::max(Float(Float(1) - none), Float(0)),
+            d_b * lit * math::max(Float(Float(1) - direct), Float(0))};
+}
+
+template <class Float, class Scalar, class Memory>
+CUTICLE_INLINE ThroughPlace<Float> place_among(const DualScatteringModel<Scalar, Memory> &model, const Float &theta_r,
+                                               const Surroundings<Float> &around) {
+    return locate(model.through, theta_r, strands_met(around), around.random ? random_strands : counted_sheets,
+                  around.random || any_above(around.strands, Float(0)));
 }
 
 // Turns the direct rows' weights of marschner_terms into what f is around the fibre among others, in one channel: an int or
@@ -136,11 +157,22 @@ CUTICLE_HD void add_surroundings(const DualScatteringModel<Scalar, Memory> &mode
                                  AzimuthalTerms<Float> &t) {
     using Traits = ArrayTraits<Float>;
     const Longitudinal form = model.fibre.form;
-    // `exact` takes every average at the viewer's inclination, so that each part's energy is known in closed form.
+    const Float d_f = Float(model.d_f), d_b = Float(lobes & mask_back ? model.d_b : Scalar(0));
+    if (model.formulation == Formulation::exact) {
+        const ThroughPlace<Float> place = place_among(model, theta_r, around);
+        const Shares<Float> share = shares(behind_at(model.through, place.row, channel), around, d_f, d_b);
+        through_lobes(model.through, place, theta_i, channel, t.through);
+        for (int p = 0; p < lobe_count; ++p) {
+            t.weight[direct_rows][p] = share.lit * t.weight[direct_rows][p];
+            t.through[p] = lobes & (1 << p) ? Float(share.scattered * t.through[p]) : Float(0);
+        }
+        t.through[lobe_count] = share.back * t.through[lobe_count];
+        t.through[through_parts] = share.direct_back * t.through[through_parts];
+        return;
+    }
     const Averages<Float> a =
         averages_at(model.averages, azimuthal_inclination(form, theta_i, theta_r), channel, model.direct.channels);
-    const Float d_b = Float(lobes & mask_back ? model.d_b : Scalar(0));
-    const Among<Float> light = among_others(model.formulation, a, around, Float(model.d_f), d_b);
+    const Among<Float> light = among_others(a, around, d_f, d_b);
     for (int p = 0; p < lobe_count; ++p) t.weight[direct_rows][p] = light.lit * t.weight[direct_rows][p];
     if (!Traits::any(light.lit < Float(1))) {
         t.constant = light.back * longitudinal(form, theta_i, theta_r, light.back_shift, light.back_variance);
@@ -148,9 +180,8 @@ CUTICLE_HD void add_surroundings(const DualScatteringModel<Scalar, Memory> &mode
     }
     LongitudinalParts<Float, lobe_count + 2> parts;
     for (int p = 0; p < lobe_count; ++p)
-        parts.set(p, Float(Float(model.fibre.alpha[p]) + light.shift),
-                  Float(Float(model.fibre.beta[p] * model.fibre.beta[p]) + light.spread));
-    parts.set(lobe_count, Float(light.back_shift + light.shift), Float(light.back_variance + light.spread));
+        parts.set(p, Float(model.fibre.alpha[p]), Float(Float(model.fibre.beta[p] * model.fibre.beta[p]) + light.spread));
+    parts.set(lobe_count, light.back_shift, Float(light.back_variance + light.spread));
     parts.set(lobe_count + 1, light.back_shift, light.back_variance);
     const auto m = parts.at(form, theta_i, theta_r);
     for (int p = 0; p < lobe_count; ++p)
@@ -169,15 +200,18 @@ CUTICLE_HD void dual_scattering_terms(const DualScatteringModel<Scalar, Memory> 
     for (int c = 0; c < channels; ++c) add_surroundings(model, c, theta_i, theta_r, around, lobes, terms[c]);
 }
 
-// f of one channel in 1/sr, without a cosine, from its terms, at a place that `locate` found in model.direct; the spread
-// table has the same rows and columns.
+// f of one channel in 1/sr, without a cosine, at phi from its terms; `at` is the place that `locate` found in model.direct,
+// and the spread table has the same rows and columns.
 template <class Float, class Scalar, class Memory, class Channel>
 CUTICLE_HD Float sum_around(const DualScatteringModel<Scalar, Memory> &model, const AzimuthalTerms<Float> &terms,
-                            const Bilinear<Float> &at, const Channel &channel, const Surroundings<Float> &around) {
+                            const Bilinear<Float> &at, const Float &theta_r, const Float &phi, const Channel &channel,
+                            const Surroundings<Float> &around) {
     using Traits = ArrayTraits<Float>;
     Float f = terms.constant;
     if (around.random || Traits::any(around.strands < Float(1)))
         f = add_rows(f, model.direct, terms, direct_rows, at, channel);
+    if (model.formulation == Formulation::exact)
+        return add_through(f, model.through, place_among(model, theta_r, around), terms.through, phi, channel);
     if (Traits::any(around.strands > Float(0))) f = add_rows(f, model.spread, terms, spread_rows, at, channel);
     return f;
 }
@@ -188,7 +222,7 @@ CUTICLE_HD void dual_scattering_around(const DualScatteringModel<Scalar, Memory>
                                        const Float &theta_i, const Float &theta_r, const Float &phi,
                                        const Surroundings<Float> &around, Float *f) {
     const Bilinear<Float> at = locate(model.direct, azimuthal_inclination(model.fibre.form, theta_i, theta_r), phi);
-    for (int c = 0; c < model.direct.channels; ++c) f[c] = sum_around(model, terms[c], at, c, around);
+    for (int c = 0; c < model.direct.channels; ++c) f[c] = sum_around(model, terms[c], at, theta_r, phi, c, around);
 }
 
 }  // namespace cuticle

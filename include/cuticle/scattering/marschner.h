@@ -28,11 +28,11 @@ CUTICLE_HD Float azimuthal_inclination(Longitudinal form, const Float &theta_i, 
 }
 
 // Around the fibre, for fixed inclinations, one channel of f is a sum of rows of the azimuthal tables:
-// f(phi) = Σ_p weight[direct_rows][p] N_p(phi) + Σ_p weight[spread_rows][p] N^G_p(phi) + constant.
-// Everything but the look-up is done once for all phi.
+// f(phi) = Σ_p weight[direct_rows][p] N_p(phi) + Σ_p weight[spread_rows][p] N^G_p(phi) + constant, and, of light through
+// other strands, the parts that through_strands.h tells apart. Everything but the look-up is done once for all phi.
 enum AzimuthalRows { direct_rows, spread_rows };
 template <class Float> struct AzimuthalTerms {
-    Float weight[2][lobe_count], constant;
+    Float weight[2][lobe_count], constant, through[lobe_count + 2];
 };
 
 // Shifts and variances of several longitudinal parts; these at one pair of inclinations.
@@ -55,6 +55,7 @@ CUTICLE_HD void marschner_terms(const FibreLobes<Scalar> &fibre, const Float &th
                                 int channels, AzimuthalTerms<Float> *terms) {
     for (int c = 0; c < channels; ++c) {
         for (int p = 0; p < lobe_count; ++p) terms[c].weight[direct_rows][p] = terms[c].weight[spread_rows][p] = Float(0);
+        for (int p = 0; p < lobe_count + 2; ++p) terms[c].through[p] = Float(0);
         terms[c].constant = Float(0);
     }
     if (!(lobes & (mask_r | mask_tt | mask_trt))) return;

@@ -61,35 +61,6 @@ template <class Float> CUTICLE_HD void backscatter_exact(Averages<Float> &a) {
     a.back_deviation = math::sqrt(math::max(Float(w.dd / w.v - a.back_shift * a.back_shift), Float(0)));
 }
 
-// Strands as a pile of plates (Stokes 1862), with all orders of what goes to and fro between them. m strands reflect
-// R_m = R (1 - q^m)/(1 - R² q^m), R = ā_b + A_b, q = s²; of light that falls on a half space, s^n comes as far as the strand
-// that n others stand before, s = ā_f/(1 - ā_b R).
-template <class Float> struct Stack {
-    Float all, own;  // R, and what the strand itself and those behind it reflect
-    Float pass;      // s
-    Float back;      // of A_b, what those behind send back: 1 for no end of them
-};
-
-// What m strands reflect, `left` being q^m.
-template <class Float> CUTICLE_HD Float reflected(const Float &all, const Float &left) {
-    return all * (Float(1) - left) / (Float(1) - all * all * left);
-}
-
-// A Poisson number of strands stands behind, `behind` on average: q^m enters by its mean, exp(behind (q - 1)).
-template <class Float> CUTICLE_HD Stack<Float> stack(const Averages<Float> &a, const Float &behind) {
-    const Float all = a.a_b + a.back_energy, inner = Float(1) - a.a_b * all, pass = a.a_f / inner, q = pass * pass;
-    const Float x = math::min(math::decay(math::min(Float(behind * (q - Float(1))), Float(0))), Float(1));
-    const Float beyond = reflected(all, x);
-    // ā_f² R_m/(1 - ā_b R_m) over A_b = ā_f² R/(1 - ā_b R)
-    return {all, reflected(all, Float(q * x)), pass, beyond / all * inner / (Float(1) - a.a_b * beyond)};
-}
-
-// What comes to the strand that `count` others stand before, over s^count: 1 where there is no end of them behind it.
-template <class Float> CUTICLE_HD Float reach(const Stack<Float> &s, const Float &count) {
-    const Float before = math::decay(Float(Float(2) * count * math::log(math::max(s.pass, Float(smallest<Float>)))));
-    return (Float(1) - s.all * s.all) / (Float(1) - s.all * s.own - s.all * (s.all - s.own) * before);
-}
-
 // The same as printed in Zinke et al. 2008 (A_1 + A_3, and the closed forms for mean and deviation), kept as printed
 // though the sign of 2u and the units in the denominator of the deviation are wrong.
 template <class Float> CUTICLE_HD void backscatter_zinke2008(Averages<Float> &a, const Float &d_b) {

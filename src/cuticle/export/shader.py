@@ -137,14 +137,19 @@ def lobe_texels(sampler: Sampler) -> NDArray[np.float32]:
 def model_texels(tables: Tables) -> NDArray[np.float32]:
     """Return the scattering function's tables as rows of texels, shape (height, width, 4).
 
-    Of a fibre N, then the spread N and the averages, or the energies past TRT; of a table its shape, then its energies.
+    Of a fibre N; then what comes through other strands, or the spread N and the averages, or the energies past TRT. Of a
+    table its shape, then its energies.
     """
     if isinstance(tables, FunctionTable):
         parts = [tables.shape, tables.log_energy]
     else:
         parts = [tables.direct]
-        if tables.spread is not None and tables.averages is not None:
-            parts += [tables.spread, tables.averages.swapaxes(1, 2)]  # channels last
+        if tables.spread is not None:
+            parts.append(tables.spread)
+        if tables.through is not None:
+            parts += [x.astype(np.float32) for x in tables.through[:3]]
+        if tables.averages is not None:
+            parts.append(tables.averages.swapaxes(1, 2))  # channels last
         if tables.rest is not None:
             parts.append(tables.rest)
     texels = np.concatenate([p.reshape(-1, p.shape[-1]) for p in parts])
@@ -165,9 +170,19 @@ def _model_values(tables: Tables) -> Mapping[str, object]:
             "first_energy": counts * viewers * step, "share": 0.5 / tables.reach,
         }  # fmt: skip
     rows, columns = tables.direct.shape[:2]
-    return {
+    values: dict[str, object] = {
         "components": components, "step": 3, "rows": rows, "columns": columns, "dual": tables.kind == "dual",
         "form": "energy_conserving" if tables.conserving else "gaussian", "second": 3 * rows * columns,
         "first_average": 6 * rows * columns, "average_rows": 0 if tables.averages is None else len(tables.averages),
         "average_limit": AVERAGE_LIMIT,
     }  # fmt: skip
+    if tables.through is not None:
+        lobes, azimuth = tables.through.lobes, tables.through.azimuth
+        first, second = 3 * rows * columns, 3 * rows * columns + lobes.size // tables.channels
+        values |= {
+            "first_through": first, "through_rows": lobes.shape[2], "through_slot": 16 * lobes.shape[2],
+            "first_azimuth": second, "azimuth_rows": azimuth.shape[2], "azimuth_columns": azimuth.shape[3],
+            "azimuth_slot": 4 * azimuth.shape[2] * azimuth.shape[3],
+            "first_behind": second + azimuth.size // tables.channels,
+        }  # fmt: skip
+    return values

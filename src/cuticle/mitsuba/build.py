@@ -22,6 +22,7 @@ from cuticle.scattering.fibre import Fibre
 from cuticle.scattering.fibre_tables import AVERAGE_LIMIT
 from cuticle.scattering.host_tables import TOLERANCE
 from cuticle.scattering.marschner import Marschner
+from cuticle.scattering.through_strands import through_tables
 
 # Where a spectrum of three values turns from blue to green and from green to red, nm.
 PRIMARY_EDGES = (453.5, 512.9, 587.6, 598.4)
@@ -112,8 +113,13 @@ def _closed_forms(props: Any, fibre: Fibre | Chiang) -> None:
     props["sigma_a_ratio"] = _RATIO
     props["direct"] = _tensor(tables.single.tables.direct)
     if tables.model is not None:
-        props["spread"] = _tensor(tables.model.single.tables.spread)
-        props["averages"] = _tensor(tables.model.average_table)
+        if tables.model.formulation == "exact":
+            through = through_tables(tables.model.fibre)
+            props["through_lobes"], props["through_azimuth"] = _tensor(through.lobes), _tensor(through.azimuth)
+            props["through_behind"], props["through_limit"] = _tensor(through.behind), through.limit
+        else:
+            props["spread"] = _tensor(tables.model.single.tables.spread)
+            props["averages"] = _tensor(tables.model.average_table)
     if isinstance(tables.single, Chiang):
         props["rest"] = _tensor(tables.single.rest)
         props["rest_variance"] = float(tables.single.variance[3])

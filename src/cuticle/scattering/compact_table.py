@@ -18,6 +18,7 @@ from cuticle.scattering.bcsdf import Bcsdf, evaluate, is_even, with_strands
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
+_DIM = 1e-5  # of the light that is scattered directly
 MOST_VALUES = 1_000_000
 WORST = 0.1  # what is further off, at the first strand count, is not the function any more
 _POLE = np.pi / 2 * (1 - 1e-6)
@@ -109,7 +110,7 @@ def tabulate_function(
         The numbers of strands that a sampler covers; where they are more than a factor of two apart, others between them
         are put in.
     tolerance
-        Of ∫ f cos.
+        Of ∫ f cos, or of 1e-5 of what is scattered directly where less comes through strands.
     progress
         Called with a fraction from 0 to 1.
 
@@ -125,8 +126,11 @@ def tabulate_function(
     kept = [(n, viewer) for n in strands for viewer in _TESTED]
     between = [(n, viewer) for n in _between(strands) for viewer in _TESTED]
 
+    # Light that so many strands dim to nothing is not told apart.
+    least_light = _DIM * max(float(_sum(exact(strands[0], viewer)).max()) for viewer in _TESTED)
+
     def off(table: FunctionTable, cases: list[tuple[float, float]]) -> float:
-        return max((_distance(exact.on(table, *case), exact(*case)) for case in cases), default=0.0)
+        return max((_distance(exact.on(table, *case), exact(*case), least_light) for case in cases), default=0.0)
 
     best, least = None, np.inf
     choose_rows, choose_columns = _row_chooser(exact, kept), _column_chooser(exact, kept)
@@ -303,10 +307,10 @@ def _four_digits(shape: Array) -> NDArray[np.float32]:
     return np.where(shape < _LEAST, 0, np.rint(shape * power) / power).astype(np.float32)
 
 
-def _distance(values: Array, exact: Array) -> float:
-    """∫|Δf| cos / ∫ f cos, of the worst channel."""
+def _distance(values: Array, exact: Array, least: float = 1e-300) -> float:
+    """∫|Δf| cos / ∫ f cos, of the worst channel; `least` stands for integrals below it."""
     total = _sum(exact)
-    return float((_sum(np.abs(values - exact)) / np.maximum(total, 1e-300)).max())
+    return float((_sum(np.abs(values - exact)) / np.maximum(total, least)).max())
 
 
 def _sum(values: Array) -> Array:

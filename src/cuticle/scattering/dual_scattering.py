@@ -19,6 +19,7 @@ from cuticle.scattering.fibre import LOBES, Fibre
 from cuticle.scattering.fibre_tables import AVERAGE_LIMIT, FibreTables
 from cuticle.scattering.marschner import LONGITUDINAL_OF, Marschner, check_fibre
 from cuticle.scattering.registry import first_class
+from cuticle.scattering.through_strands import through_tables
 
 PARTS = (*LOBES, "back")
 FORMULATIONS = ("exact", "zinke2008")
@@ -57,7 +58,7 @@ def pass_on(a_f: NDArray[np.float64], a_b: NDArray[np.float64], back_energy: NDA
     This includes light that bounces between strands, over all orders (Stokes 1862, a pile of plates). a_f^n would count only
     light that was never turned back.
     """
-    return np.vectorize(lambda f, b, back: _core.stack(f, b, back, 0.0, 0.0)[0], otypes=[float])(a_f, a_b, back_energy)
+    return a_f / (1 - a_b * (a_b + back_energy))
 
 
 @first_class
@@ -66,8 +67,8 @@ class DualScattering(Value, Plotted):
     """Dual scattering: a fibre lit directly, or through other strands (Zinke et al. 2008).
 
     With 0 strands, f is the fibre's own scattering plus the backscatter of the strands behind. Through n > 0 strands, light
-    arrives attenuated, spread over the front half of the azimuth and widened in theta. A count between 0 and 1 blends the
-    two in that proportion; larger fractional counts are fractional powers.
+    arrives attenuated, spread in azimuth and widened in theta. A count between 0 and 1 blends the two in that proportion;
+    energies between larger counts follow their logarithms.
 
     Parameters
     ----------
@@ -76,9 +77,9 @@ class DualScattering(Value, Plotted):
     strands
         The number of strands toward the light, 0 to 10,000; it need not be whole.
     formulation
-        "exact" conserves energy and sums all orders of scattering. "zinke2008" has the formulas as printed, with the
-        Gaussian longitudinal function. Default: the fibre's own, which is "exact" unless set. docs/models.md compares
-        them.
+        "exact" conserves energy and follows light at its true angles, over all orders of scattering. "zinke2008" has the
+        formulas as printed, with the Gaussian longitudinal function. Default: the fibre's own, which is "exact" unless
+        set. docs/models.md compares them.
 
     Raises
     ------
@@ -134,20 +135,29 @@ class DualScattering(Value, Plotted):
         """`Averages` at inclinations from -AVERAGE_LIMIT to AVERAGE_LIMIT, shape (rows, channels, 9)."""
         return _averages(self.fibre, str(self.formulation))
 
+    def _among(self, *, medium: bool) -> _core.Model:
+        f, tables = self.fibre, self.single.tables
+        exact = self._exact
+        others = through_tables(f, medium=medium) if exact else (tables.spread, self.average_table, AVERAGE_LIMIT)
+        return _core.Model(f.alpha, f.beta, tables.direct, *others, f.d_f, f.d_b)
+
+    @cached_property
+    def _medium(self) -> _core.Model:
+        return self._among(medium=self._exact)
+
     @cached_property
     def _core(self) -> _core.Model:
-        f, tables = self.fibre, self.single.tables
-        return _core.Model(
-            f.alpha, f.beta, self._exact, tables.direct, tables.spread, self.average_table, AVERAGE_LIMIT, f.d_f, f.d_b
-        )  # fmt: skip
+        return self._among(medium=False)
 
     def host_tables(self) -> FibreTables:
         """Return what the core's closed forms read, in single precision."""
         f, tables = self.fibre, self.single.tables
-        return replace(
-            self.single.host_tables(), spread=tables.spread.astype(np.float32),
-            averages=self.average_table.astype(np.float32), formulation=str(self.formulation), d_f=f.d_f, d_b=f.d_b,
-        )  # fmt: skip
+        others: dict[str, Any] = (
+            {"through": through_tables(f)}
+            if self._exact
+            else {"spread": tables.spread.astype(np.float32), "averages": self.average_table.astype(np.float32)}
+        )
+        return replace(self.single.host_tables(), formulation=str(self.formulation), d_f=f.d_f, d_b=f.d_b, **others)
 
     def with_strands(self, strands: float) -> DualScattering:
         """Return the same model for another number of strands."""
@@ -183,9 +193,9 @@ class DualScattering(Value, Plotted):
     ) -> NDArray[np.float64]:
         """Return the mean of f over a random number of strands, of which a renderer knows the expectation.
 
-        The number of strands on a ray is Poisson distributed: N ~ Poisson(τ). The mean of what N strands transmit is
-        E[a^N g(N)] = exp(τ (a - 1)) E[g(N')] with N' ~ Poisson(τ a), where a is the fraction that one strand passes on.
-        Shift and spread are those of N'. `self.strands` is not used.
+        The number N of strands on a ray is Poisson distributed, and f the mean over it. With `behind`, hair is a lock: a
+        path meets so many strands in whatever direction it goes. Without, "exact" takes it for a medium of strands at
+        random, endless to the sides and behind, where slanted paths meet more of them. `self.strands` is not used.
 
         Parameters
         ----------
@@ -195,7 +205,7 @@ class DualScattering(Value, Plotted):
             Expected number between this strand and the light, 0 to 10,000.
         behind
             Expected number beyond this strand, away from the light, 0 to 10,000. A finite stack sends back less than the
-            half space that dual scattering assumes (Stokes 1862). None: a half space. For "exact" only.
+            half space that dual scattering assumes. None: a half space, of a medium. For "exact" only.
 
         Returns
         -------
@@ -218,7 +228,8 @@ class DualScattering(Value, Plotted):
         if behind is not None and not self._exact:
             raise ValueError('behind is for the formulation "exact"; "zinke2008" stays as printed: leave behind out')
         b = np.array(np.finfo(np.float64).max) if behind is None else _expected("behind", behind)
-        return evaluate_core(self._core, self.channels, lobe_mask(lobes, PARTS), theta_i, theta_r, phi, n, b)
+        core = self._medium if behind is None else self._core
+        return evaluate_core(core, self.channels, lobe_mask(lobes, PARTS), theta_i, theta_r, phi, n, b)
 
 
 def _expected(name: str, value: ArrayLike) -> NDArray[np.float64]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cuticle import _core
+from cuticle.scattering.through_strands import ThroughTables
 
 AVERAGE_LIMIT = np.radians(89.5)  # at the pole itself Fresnel's term is 1 and nothing is ever absorbed
 
@@ -24,10 +25,11 @@ class FibreTables:
     conserving
         Whether the longitudinal function is the energy-conserving one.
     direct, spread
-        N_p and its half-turn average, shape (rows, columns, 3, channels), single precision; `spread` is None for a strand
-        on its own.
+        N_p and, for "zinke2008", its half-turn average, shape (rows, columns, 3, channels), single precision.
+    through
+        For "exact": what comes through other strands.
     averages
-        Shape (rows, channels, 9), or None.
+        For "zinke2008": shape (rows, channels, 9).
     formulation, d_f, d_b
         Of dual scattering.
     rest, rest_variance
@@ -44,6 +46,7 @@ class FibreTables:
     conserving: bool
     direct: NDArray[np.float32]
     spread: NDArray[np.float32] | None = None
+    through: ThroughTables | None = None
     averages: NDArray[np.float32] | None = None
     formulation: str = "exact"
     d_f: float = 0.0
@@ -56,7 +59,13 @@ class FibreTables:
     @property
     def kind(self) -> str:
         """Which of the core's functions they are for: "dual", "chiang" or "strand"."""
-        return "dual" if self.spread is not None else "chiang" if self.rest is not None else "strand"
+        return (
+            "dual"
+            if self.averages is not None or self.through is not None
+            else "chiang"
+            if self.rest is not None
+            else "strand"
+        )
 
     @property
     def channels(self) -> int:
@@ -66,7 +75,8 @@ class FibreTables:
     @property
     def size(self) -> int:
         """Bytes in single precision."""
-        return sum(t.nbytes for t in (self.direct, self.spread, self.averages, self.rest) if t is not None)
+        through = () if self.through is None else self.through[:3]
+        return sum(4 * t.size for t in (self.direct, self.spread, self.averages, self.rest, *through) if t is not None)
 
     def thinned(self, row_step: int, column_step: int) -> FibreTables:
         """Return every so many rows and columns of them; all averages, few as they are, whose powers strands take."""
@@ -82,9 +92,11 @@ class FibreTables:
     def core(self) -> _core.Model:
         """Return what evaluates them."""
         direct = self.direct.astype(float)
+        if self.through is not None:
+            return _core.Model(self.alpha, self.beta, direct, *self.through, self.d_f, self.d_b)
         if self.spread is not None and self.averages is not None:
-            tables = direct, self.spread.astype(float), self.averages.astype(float)
-            return _core.Model(self.alpha, self.beta, self.conserving, *tables, AVERAGE_LIMIT, self.d_f, self.d_b)
+            others = self.spread.astype(float), self.averages.astype(float), AVERAGE_LIMIT
+            return _core.Model(self.alpha, self.beta, direct, *others, self.d_f, self.d_b)
         if self.rest is not None:
             return _core.Model(self.alpha, self.beta, direct, self.rest.astype(float), self.rest_variance)
         return _core.Model(self.alpha, self.beta, self.conserving, direct)

@@ -1,0 +1,174 @@
+"""Tables of what comes to a fibre through other strands: what the core's `exact` dual scattering looks up."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from cuticle import _core
+from cuticle.scattering.azimuthal import azimuthal_tables
+from cuticle.scattering.fibre import Fibre
+from cuticle.scattering.strand_transport import Directions, Scattering, StrandTransport, azimuth_cells
+
+Array = NDArray[np.float64]
+NODES = (0, 1, 2, 4, 8, 16)  # the core's; halfway between two, the energies bend by what is tabulated
+_COUNTS = (0, 1, 2, 3, 4, 6, 8, 12, 16)
+_DEPTHS = (0, 1 / 16, 1 / 8, 1 / 2, 1, 3 / 2, 2, 3, 4, 6, 8, 12, 16)
+_AZIMUTH_ROWS = 5  # rows of the transport for one of the azimuth table
+_DARKEST = -230.0  # ln of the least energy that keeps its shape
+_APART = math.log(1.6)  # between absorptions that are solved; those between are interpolated
+_OWN = 3  # the first, which are a fibre's own where a range for textures follows, are always solved
+
+
+class ThroughTables(NamedTuple):
+    """What the core's ThroughTable views (through_strands.h).
+
+    - `lobes`, (arrangements, slots, rows, 4, parts, channels): log energy, how far it lies halfway to the next slot above
+      the mean of both, axis and variance of M in theta, radians. Rows are theta_r from -limit to limit.
+    - `azimuth`, (arrangements, slots, azimuth rows, columns, parts, channels): densities over phi from 0 to pi, which
+      integrate to 1 over the whole turn.
+    - `behind`, (rows, 3, channels): the rates at which the backscatter of direct and of scattered light grows with the
+      strands behind, out of a half space's; and what comes through strands where none stands behind, out of what does
+      before a half space.
+    """
+
+    lobes: Array
+    azimuth: Array
+    behind: Array
+    limit: float
+
+
+def through_tables(fibre: Fibre, *, medium: bool = False) -> ThroughTables:
+    """Return the tables of a fibre, one column an absorption: for sheets, and for a lock or a medium."""
+    return _through_tables(fibre.replace(d_f=1.0, d_b=1.0, formulation="exact"), medium)  # neither changes them
+
+
+@lru_cache(maxsize=16)
+def _through_tables(fibre: Fibre, medium: bool) -> ThroughTables:
+    absorption = np.array(fibre.absorption)
+    solved = _solved(absorption)
+    direct = azimuthal_tables(fibre.eta, tuple(solved), float(np.radians(fibre.beta_N)), True).direct
+    columns = [_column(fibre, direct[..., c], medium) for c in range(len(solved))]
+    lobes, azimuth, behind = (_between(solved, np.stack(x, axis=-1), absorption) for x in zip(*columns, strict=True))
+    for table in (lobes, azimuth, behind):
+        table.setflags(write=False)
+    return ThroughTables(lobes, azimuth, behind, float(Directions().theta[-1]))
+
+
+def _solved(absorption: Array) -> Array:
+    """Absorptions to solve: of many, those as far apart as interpolation in their logs bridges, and the fibre's own."""
+    kept = list(np.unique(absorption[:_OWN]))
+    for a in np.unique(absorption):
+        if a in (absorption.min(), absorption.max()) or all(x <= 0 or abs(math.log(a / x)) >= _APART for x in kept if a > 0):
+            kept.append(a)
+    return np.unique(kept)
+
+
+def _between(solved: Array, values: Array, absorption: Array) -> Array:
+    """Values of all absorptions, by what lies monotonically between those solved, over their logs."""
+    positive = solved > 0
+    if positive.sum() < 2:
+        return values[..., np.searchsorted(solved, absorption)]
+    over_logs = PchipInterpolator(np.log(solved[positive]), values[..., positive], axis=-1)
+    out = over_logs(np.log(np.maximum(absorption, solved[positive][0])))
+    out[..., absorption <= 0] = values[..., :1]
+    return out
+
+
+def _column(fibre: Fibre, direct: Array, medium: bool) -> tuple[Array, Array, Array]:
+    """The tables of one absorption, without their last axis, from its N: (rows, columns, lobes)."""
+    d = Directions()
+    transport = StrandTransport(_parts(fibre, direct, d))
+    sine = np.sin(d.theta)
+    functions = np.stack([np.ones_like(sine), sine, sine**2], axis=1)
+    sheets = transport.through_sheets(functions, _COUNTS)
+    random = _scattered(transport.through_random(functions, _DEPTHS, medium=medium))
+    # Slots: direct light's backscatter, then 0 (of sheets: 1), 1, 2, 4, 8, 16 strands. Of a whole number of sheets there is
+    # none halfway from 1 to 2: the parabola through 1, 2 and 3 knows it.
+    one, two, three = sheets[1:4]
+    half = np.exp((3 * _log(one) + 6 * _log(two) - _log(three)) / 8)
+    nodes = np.stack([sheets[[0, 1, 1, 2, 4, 6, 8]], random[[0, 1, 4, 6, 8, 10, 12]]])
+    halfway = np.stack([[one, half, *sheets[[3, 5, 7]]], random[[3, 5, 7, 9, 11]]])
+    # A sheet more leaves 1 - share of what is missing; a Poisson number of them, exp(-share b).
+    return *_lobes_and_azimuth(d, nodes, halfway), transport.one_behind()[:, ::-1].T
+
+
+def _log(moments: Array) -> Array:
+    return np.log(np.maximum(moments, math.exp(_DARKEST)))
+
+
+def _scattered(random: Array) -> Array:
+    """What comes through a random number of strands that scatter it, out of 1, less direct light's backscatter."""
+    lit = np.exp(-np.array(_DEPTHS[1:]))[:, None, None, None]
+    out = random.copy()
+    out[1:, -1] -= lit * random[0, -1]
+    out[1:] /= (1 - lit)[..., None]
+    out[1] = 2 * out[1] - out[2]  # the limit of no strands
+    return out
+
+
+def _parts(fibre: Fibre, direct: Array, d: Directions) -> list[Scattering]:
+    """R, TT and TRT, each a product of N_p at the viewer's inclination and M_p."""
+    rows, columns = (np.linspace(0, end, n) for end, n in zip((np.pi / 2, np.pi), direct.shape, strict=False))
+    parts = []
+    for p, (alpha, beta) in enumerate(zip(fibre.alpha, fibre.beta, strict=True)):
+        along = np.array([np.interp(d.fine_phi, columns, row) for row in direct[..., p]])
+        density = np.array([np.interp(np.abs(d.theta), rows, column) for column in along.T]).T
+        cell, point = azimuth_cells(d, density)
+        into = longitudinal_cells(d, d.theta + 2 * alpha, np.full(d.rows, 4 * beta**2))
+        parts.append(Scattering(d, cell[:, :, None] * into, point[:, :, None] * into))
+    return parts
+
+
+def longitudinal_cells(d: Directions, axis: Array, variance: Array) -> Array:
+    """Return the energy of the energy-conserving M in each row, shape (len(axis), rows)."""
+    theta = d.fine_theta
+    m = np.empty(len(axis) * len(theta))
+    _core.energy_conserving_m(np.tile(theta, len(axis)), np.repeat(axis, len(theta)), np.repeat(variance, len(theta)), m)
+    energy = m.reshape(len(axis), -1) * np.cos(theta)
+    into = energy.reshape(len(axis), d.rows, -1).sum(axis=2)
+    return into / into.sum(axis=1, keepdims=True)
+
+
+def _lobes_and_azimuth(d: Directions, seen: Array, halfway: Array) -> tuple[Array, Array]:
+    """The tables from moments at slots and halfway to the next: (arrangements, slots, parts, nodes, rows, 3)."""
+    seen, halfway = seen[..., ::-1, :], halfway[..., ::-1, 0]  # rows are directions of travel: theta_r is their other sign
+    whole = np.einsum("asjnrk,n->asrjk", seen, d.node_weights)
+    energy = np.maximum(whole[..., 0], math.exp(_DARKEST))
+    log_energy, bend = np.log(energy), np.zeros(energy.shape)
+    between = _log(np.einsum("asjnr,n->asrj", halfway, d.node_weights))
+    bend[:, 1:-1] = between - 0.5 * (log_energy[:, 1:-1] + log_energy[:, 2:])
+    axis, variance = axis_and_variance(whole[..., 1] / energy, whole[..., 2] / energy)
+    density = np.maximum(np.moveaxis(seen[..., 0], (2, 4), (4, 2))[:, :, ::_AZIMUTH_ROWS], 0)
+    total = np.einsum("asrnj,n->asrj", density, d.node_weights)[:, :, :, None]
+    uniform = total <= math.exp(_DARKEST)
+    azimuth = np.where(uniform, 0.5 / np.pi, density / np.where(uniform, 1, total))
+    return np.stack([log_energy, bend, axis, variance], axis=3), azimuth
+
+
+def axis_and_variance(first: Array, second: Array) -> tuple[Array, Array]:
+    """Return the axis and the variance of the M with these mean values of sin theta_i and of its square.
+
+    M is the latitude of a von Mises-Fisher distribution of concentration k = 1/v about the axis, whose moments are known:
+    with A = coth k - 1/k, E[sin] = A sin(axis) and E[sin²] = A/k + (1 - 3 A/k) sin²(axis). Taken so, what the poles cut
+    off a lobe is not mistaken for a shift.
+    """
+
+    def moments(k: Array) -> tuple[Array, Array]:
+        a = 1 / np.tanh(k) - 1 / k
+        sine = np.clip(first / a, -1, 1)
+        return sine, a / k + (1 - 3 * a / k) * sine**2
+
+    low, high = np.full_like(first, math.log(0.05)), np.full_like(first, math.log(1e5))
+    for _ in range(60):  # E[sin²] falls as the lobe narrows, for one mean
+        middle = 0.5 * (low + high)
+        sine, square = moments(np.exp(middle))
+        wide = (square > second) | (np.abs(sine) >= 1)
+        low, high = np.where(wide, middle, low), np.where(wide, high, middle)
+    k = np.exp(0.5 * (low + high))
+    return np.arcsin(moments(k)[0]), 1 / k
