@@ -157,18 +157,22 @@ int main(int argc, char **argv) {
         add_table(cases, std::string(label.begin(), label.end()), t, in, strands);
     }
 
-    const int rows = reader.integer(), columns = reader.integer(), channels = reader.integer(), averages = reader.integer();
-    const auto size = static_cast<std::size_t>(rows * columns * channels * cuticle::lobe_count);
-    const auto direct = reader.array<float>(size), spread = reader.array<float>(size);
-    const auto average = reader.array<float>(static_cast<std::size_t>(averages * channels * cuticle::average_columns));
+    const int rows = reader.integer(), columns = reader.integer(), channels = reader.integer();
+    const int through_rows = reader.integer(), azimuth_rows = reader.integer(), turns = reader.integer();
+    const auto count = [](int n) { return static_cast<std::size_t>(n); };
+    const int parts = 2 * cuticle::through_slots * cuticle::through_parts * channels;
+    const auto direct = reader.array<float>(count(rows * columns * channels * cuticle::lobe_count));
+    const auto lobes = reader.array<float>(count(cuticle::through_columns * parts * through_rows));
+    const auto azimuth = reader.array<float>(count(parts * azimuth_rows * turns));
+    const auto behind = reader.array<float>(count(3 * channels * through_rows));
     cuticle::DualScatteringModel<float> model{};
     for (float &x : model.fibre.alpha) x = reader.real();
     for (float &x : model.fibre.beta) x = reader.real();
-    model.fibre.form = static_cast<cuticle::Longitudinal>(reader.integer());
-    model.formulation = static_cast<cuticle::Formulation>(reader.integer());
+    model.formulation = cuticle::Formulation::exact;
+    model.fibre.form = cuticle::longitudinal_of(model.formulation);
     model.direct = {direct.data(), rows, columns, channels};
-    model.spread = {spread.data(), rows, columns, channels};
-    model.averages = {average.data(), averages, reader.real()};
+    const float limit = reader.real();
+    model.through = {lobes.data(), azimuth.data(), behind.data(), through_rows, azimuth_rows, turns, channels, limit};
     model.d_f = reader.real();
     model.d_b = reader.real();
     for (const float strands : {0.f, 2.f})

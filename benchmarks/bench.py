@@ -27,7 +27,7 @@ from cuticle.cli.tables import ess_text
 from cuticle.fitting.costs import MEASURED
 from cuticle.sampling.quality import MEASURED_AT, UniformSphere
 from cuticle.sampling.sampler import Sampler
-from cuticle.scattering.fibre_tables import AVERAGE_LIMIT
+from cuticle.scattering.through_strands import through_tables
 
 ROOT = Path(__file__).parents[1]
 STRANDS = (0.0, 1.0, 2.0, 4.0, 8.0)
@@ -56,14 +56,13 @@ def write_input(path: Path, cases: list[tuple[str, Sampler, float]], model: cuti
             text = label.encode()
             integers(len(text))
             file.write(text)
-        tables, averages, fibre = model.single.tables, model.average_table, model.fibre
+        tables, fibre = model.single.tables, model.fibre
         rows, columns, _, channels = tables.direct.shape
-        integers(rows, columns, channels, len(averages))
-        for table in (tables.direct, tables.spread, averages, fibre.alpha, fibre.beta):
+        through = through_tables(fibre)
+        integers(rows, columns, channels, *through.lobes.shape[2:3], *through.azimuth.shape[2:4])
+        for table in (tables.direct, through.lobes, through.azimuth, through.behind, fibre.alpha, fibre.beta):
             reals(table)
-        exact = int(model.formulation == "exact")
-        integers(exact, exact)  # the longitudinal form and the formulation
-        reals([AVERAGE_LIMIT, fibre.d_f, fibre.d_b])
+        reals([through.limit, fibre.d_f, fibre.d_b])
 
 
 def costs(cases: list[tuple[str, Sampler, float]], model: cuticle.DualScattering, rounds: int) -> dict[str, float]:
@@ -119,7 +118,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=301)
     parser.add_argument("--write", action="store_true", help="keep the costs of samples as the package's own")
     arguments = parser.parse_args()
-    model = cuticle.DualScattering(cuticle.Fibre.preset(arguments.fibre))
+    model = cuticle.DualScattering(cuticle.Fibre.preset(arguments.fibre), formulation="exact")
     cuticle.fit(model, 1)  # tables are made once a fibre: not part of a fit's time
     fits = {k: cuticle.fit(model, k, strands=STRANDS) for k in LOBES}
     document = cuticle.fit(model, form="document", strands=STRANDS)
