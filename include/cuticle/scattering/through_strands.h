@@ -52,10 +52,11 @@ template <class Float> CUTICLE_INLINE Place<Float> locate_viewer(const Float &th
 // A part's energy, from its logs at two numbers of strands and how far it lies above their mean halfway; past the last it
 // falls as it does there.
 template <class Value, class Float>
-CUTICLE_INLINE Value through_energy(const Value &near, const Value &far, const Value &bend, const StrandsPlace<Float> &at) {
+CUTICLE_INLINE Value through_energy(const Value &lower, const Value &upper, const Value &bend,
+                                    const StrandsPlace<Float> &at) {
     const Float bow = Float(4) * at.t * (Float(1) - at.t);
-    const Value slope = math::min(Value(far - near - Value(Float(4)) * bend), Value(0));
-    return math::exp(Value(math::linear(near, far, at.t) + bend * bow + slope * at.past));
+    const Value slope = math::min(Value(upper - lower - Value(Float(4)) * bend), Value(0));
+    return math::exp(Value(math::linear(lower, upper, at.t) + bend * bow + slope * at.past));
 }
 
 // Where a viewer and a number of strands fall in the tables.
@@ -97,15 +98,15 @@ CUTICLE_HD void through_lobes(const ThroughTable<Scalar, Memory> &table, const T
         return math::linear(channel_value<Float>(table.lobes, i, channel),
                             channel_value<Float>(table.lobes, Index(i + Index(size)), channel), at.row.t);
     };
-    const Index near = first + (at.strands.node + Index(1)) * Index(slot), far = near + Index(slot);
+    const Index lower = first + (at.strands.node + Index(1)) * Index(slot), upper = lower + Index(slot);
     Several<Float, through_parts + 1> axis(0), variance(1);
     for (int p = at.parts; p < through_parts; ++p) lobes[p] = Float(0);
     for (int p = 0; p < at.parts; ++p) {
         const auto between = [&](int column) {
-            return math::linear(value(near, column, p), value(far, column, p), at.strands.t);
+            return math::linear(value(lower, column, p), value(upper, column, p), at.strands.t);
         };
-        lobes[p] = through_energy(value(near, through_log_energy, p), value(far, through_log_energy, p),
-                                  value(near, through_bend, p), at.strands);
+        lobes[p] = through_energy(value(lower, through_log_energy, p), value(upper, through_log_energy, p),
+                                  value(lower, through_bend, p), at.strands);
         axis.set(p, between(through_axis));
         variance.set(p, between(through_variance));
     }
@@ -152,8 +153,8 @@ CUTICLE_HD Float add_through(Float sum, const ThroughTable<Scalar, Memory> &tabl
                               channel_value<Float>(table.azimuth, Index(i + Index(row + size)), channel), at.azimuth_row.t,
                               column.t);
     };
-    const Index near = first + (at.strands.node + Index(1)) * Index(slot), far = near + Index(slot);
-    for (int p = 0; p < at.parts; ++p) sum = sum + lobes[p] * math::convex(value(near, p), value(far, p), at.strands.t);
+    const Index lower = first + (at.strands.node + Index(1)) * Index(slot), upper = lower + Index(slot);
+    for (int p = 0; p < at.parts; ++p) sum = sum + lobes[p] * math::convex(value(lower, p), value(upper, p), at.strands.t);
     return sum + lobes[through_parts] * value(first, through_parts - 1);
 }
 

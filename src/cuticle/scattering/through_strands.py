@@ -16,7 +16,7 @@ from cuticle.scattering.fibre import Fibre
 from cuticle.scattering.strand_transport import Directions, Scattering, StrandTransport, azimuth_cells
 
 Array = NDArray[np.float64]
-NODES = (0, 1, 2, 4, 8, 16)  # the core's; halfway between two, the energies bend by what is tabulated
+# The core's nodes, 0, 1, 2, 4, 8 and 16 strands, and halfway between them.
 _COUNTS = (0, 1, 2, 3, 4, 6, 8, 12, 16)
 _DEPTHS = (0, 1 / 16, 1 / 8, 1 / 2, 1, 3 / 2, 2, 3, 4, 6, 8, 12, 16)
 _AZIMUTH_ROWS = 5  # rows of the transport for one of the azimuth table
