@@ -52,8 +52,8 @@ def through_tables(fibre: Fibre, *, medium: bool = False) -> ThroughTables:
 def _through_tables(fibre: Fibre, medium: bool) -> ThroughTables:
     absorption = np.array(fibre.absorption)
     solved = _solved(absorption)
-    direct = azimuthal_tables(fibre.eta, tuple(solved), float(np.radians(fibre.beta_N)), True).direct
-    columns = [_column(fibre, direct[..., c], medium) for c in range(len(solved))]
+    direct = azimuthal_tables(fibre.eta, fibre.absorption, float(np.radians(fibre.beta_N)), True).direct
+    columns = [_column(fibre, direct[..., int(np.argmax(absorption == a))], medium) for a in solved]
     lobes, azimuth, behind = (_between(solved, np.stack(x, axis=-1), absorption) for x in zip(*columns, strict=True))
     for table in (lobes, azimuth, behind):
         table.setflags(write=False)
