@@ -304,7 +304,7 @@ def _direction(theta: NDArray, azimuth: NDArray | float) -> NDArray[np.float32]:
 def _interaction(mi: Any, wi: Any, count: int) -> Any:
     import drjit as dr
 
-    si = mi.SurfaceInteraction3f() if "scalar" in mi.variant() else dr.zeros(mi.SurfaceInteraction3f, count)
+    si = dr.zeros(mi.SurfaceInteraction3f, count)  # its constructor leaves scalar fields as memory had them
     si.wi = mi.Vector3f(*wi)
     si.sh_frame = mi.Frame3f(mi.Vector3f(1, 0, 0), mi.Vector3f(0, 1, 0), mi.Vector3f(0, 0, 1))
     si.n = mi.Normal3f(0, 0, 1)
