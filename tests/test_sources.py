@@ -88,7 +88,8 @@ def test_a_function_that_is_none_is_one_line(function: Callable[..., Any], messa
 # ---- Mitsuba's materials
 
 
-@pytest.mark.slow
+# Alone: after the long renders of test_render.py, in one process, Mitsuba's `hair` samples NaN here; why is not known.
+@pytest.mark.alone
 @needs_mitsuba
 def test_a_material_at_an_offset_and_averaged() -> None:
     given = {"longitudinal_roughness": 0.3, "azimuthal_roughness": 0.3, "eumelanin": 1.3, "pheomelanin": 0.0}
