@@ -41,11 +41,11 @@ def test_a_fibres_own_function_gives_what_its_lobes_give(pair: tuple[DualScatter
             a, b = (m.with_strands(n).eval(THETA[:, None], theta_r, PHI) for m in (dual, ours))
             if (a * COSINES).sum() * CELL > 1e-3:  # what is darker, through black hair, has two peaks where an M has one
                 assert (np.abs(a - b) * COSINES).sum() < limit * (a * COSINES).sum(), (n, np.degrees(theta_r))
-    # The energy is one and the same but for the tables' rows, whatever the inclination.
+    # The energy is one and the same, whatever the inclination.
     for theta_r in np.radians([-75, 0, 80]):
-        for n, limit in ((1, 0.02), (8, 0.04)):  # of black hair, 8 strands leave a millionth
+        for n in (1, 8):
             mine, theirs = (energy(m.with_strands(n), theta_r) for m in (ours, dual))
-            np.testing.assert_allclose(mine, theirs, rtol=limit, err_msg=f"{n} strands, {np.degrees(theta_r):g}°")
+            np.testing.assert_allclose(mine, theirs, rtol=0.01, err_msg=f"{n} strands, {np.degrees(theta_r):g}°")
 
 
 def test_a_sampler_fitted_to_it_serves_the_closed_form() -> None:

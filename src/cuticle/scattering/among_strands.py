@@ -19,7 +19,6 @@ from cuticle.scattering.strand_transport import Directions, Scattering, StrandTr
 from cuticle.scattering.tabulated import Tabulated
 
 Array = NDArray[np.float64]
-_ROWS = 60
 _DARKEST = -230.0  # ln of the least energy that keeps its shape
 
 
@@ -108,7 +107,7 @@ class Strands(Value, Plotted):
 
     @property
     def _directions(self) -> Directions:
-        return Directions(rows=_ROWS, even=self.even)
+        return Directions(even=self.even)
 
     @property
     def _transports(self) -> list[StrandTransport]:
@@ -155,7 +154,7 @@ class Strands(Value, Plotted):
 
     def _arrived(self, count: int) -> Array:
         """Energy by viewer, row of theta_i and node of phi: (channels, rows, rows, nodes)."""
-        every = np.eye(_ROWS)
+        every = np.eye(self._directions.rows)
         own, back = np.moveaxis(np.array([t.through_sheets(every, (count,))[0] for t in self._transports]), 1, 0)
         table = (self.d_f if count else 1.0) * (own + self.d_b * back)
         return np.maximum(table.transpose(0, 2, 3, 1)[:, ::-1], 0)  # rows were directions of travel

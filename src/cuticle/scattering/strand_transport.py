@@ -47,7 +47,7 @@ class Directions:
         Samples of f in a cell.
     """
 
-    rows: int = 36
+    rows: int = 45
     columns: int = 6
     even: bool = True
     fine_rows: int = 3

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 # The core's nodes, 0, 1, 2, 4, 8 and 16 strands, and halfway between them.
 _COUNTS = (0, 1, 2, 3, 4, 6, 8, 12, 16)
 _DEPTHS = (0, 1 / 16, 1 / 8, 1 / 2, 1, 3 / 2, 2, 3, 4, 6, 8, 12, 16)
-_AZIMUTH_ROWS = 5  # rows of the transport for one of the azimuth table
+_AZIMUTH_ROWS = 4  # rows of the transport for one of the azimuth table
 _DARKEST = -230.0  # ln of the least energy that keeps its shape
 _APART = math.log(1.6)  # between absorptions that are solved; those between are interpolated
 _OWN = 3  # the first, which are a fibre's own where a range for textures follows, are always solved
