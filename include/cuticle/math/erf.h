@@ -92,6 +92,17 @@ template <class T> CUTICLE_INLINE T erfcx_single(const T &x) {
 }
 template <class T> CUTICLE_INLINE T erfc_single(const T &x) { return math::decay(T(-x * x)) * erfcx_single(x); }
 
+template <class T> CUTICLE_HD T erfc(const T &x) {
+    using std::erfc;
+    return erfc(x);
+}
+
+// erfc(x) for x >= 0, to a relative precision.
+template <class T> CUTICLE_INLINE T erfc_positive(const T &x) {
+    if constexpr (std::is_same_v<scalar_t<T>, float>) return erfc_single(x);
+    else return math::erfc(x);
+}
+
 // erfinv(p) to the precision of the type; double precision adds two Halley steps on erf. Arguments that rounding pushed
 // outside [-1, 1] are clamped (in single precision by the max in erfinv_depth).
 template <class T> CUTICLE_INLINE T erfinv(const T &p_) {
@@ -108,9 +119,23 @@ template <class T> CUTICLE_INLINE T erfinv(const T &p_) {
     }
 }
 
-template <class T> CUTICLE_HD T erfc(const T &x) {
-    using std::erfc;
-    return erfc(x);
+// erfinv(p), where w is erfinv_depth(p) and at most 5.
+template <class T> CUTICLE_INLINE T erfinv_shallow(const T &p, const T &w) {
+    if constexpr (std::is_same_v<scalar_t<T>, float>) return p * erfinv_central(w);
+    else return erfinv(p);
+}
+
+// The z of erfc(z) = q for q <= .0034, where p = 1 - q has lost digits; what lies below 2.5e-17 is taken for that.
+template <class T> CUTICLE_INLINE T erfcinv_small(const T &q_) {
+    const T q = max(q_, T(2.5e-17));
+    T z = (T(1) - q) * erfinv_tail(T(-math::log(T(q * (T(2) - q)))));
+    if constexpr (!std::is_same_v<scalar_t<T>, float>) {
+        for (int step = 0; step < 2; ++step) {
+            const T e = (q - erfc_positive(z)) / (T(two_over_sqrt_pi<T>) * math::exp(T(-z * z)));
+            z = z - e / (T(1) + z * e);
+        }
+    }
+    return z;
 }
 
 // Scaled complementary error function exp(x²) erfc(x) for x >= 0. Below 3: the polynomial or, in double precision, the

@@ -63,22 +63,18 @@ struct NormalLobes {
         const Float p = math::erf(Float((x - d.mean) * d.rate));
         return math::clamp(Float((p * d.under - d.low) / d.mass), Float(0), Float(1));
     }
-    // The inverse cdf on [lo, hi]. Single precision, far out in a tail, where erf rounds to ±1: the probability beyond x is
-    // taken from the nearer end of the interval, as erfc there plus the share of the mass in between.
+    // The inverse cdf on [lo, hi]. Far out in a tail, where erf rounds to ±1, the probability beyond x is taken from the
+    // nearer end of the interval: erfc there plus the share of the mass in between.
     template <class Float>
     CUTICLE_INLINE static Float icdf(const Density<Float> &d, const Float &u, const Float &lo, const Float &hi) {
-        const Float p = (d.low + u * d.mass) / d.under;
-        if constexpr (std::is_same_v<scalar_t<Float>, float>) {
-            const Float w = math::erfinv_depth(p), central = math::erfinv_central(w);
-            if (!ArrayTraits<Float>::any(w > Float(5))) return d.mean + d.width * (p * central);
-            const auto lower = p < Float(0);
-            const Float end = math::max(Float(select(lower, Float(d.mean - lo), Float(hi - d.mean)) * d.rate), Float(0));
-            const Float beyond = math::erfc_single(end) + select(lower, u, Float(Float(1) - u)) * (d.mass / d.under);
-            const Float depth = -math::log(math::max(Float(beyond * (Float(2) - beyond)), Float(5e-17)));
-            return d.mean + d.width * (p * select(w < Float(5), central, math::erfinv_tail(depth)));
-        } else {
-            return d.mean + d.width * math::erfinv(p);
-        }
+        const Float p = (d.low + u * d.mass) / d.under, w = math::erfinv_depth(p);
+        const Float central = math::erfinv_shallow(p, w);
+        if (!ArrayTraits<Float>::any(w > Float(5))) return d.mean + d.width * central;
+        const auto lower = p < Float(0);
+        const Float end = math::max(Float(select(lower, Float(d.mean - lo), Float(hi - d.mean)) * d.rate), Float(0));
+        const Float beyond = math::erfc_positive(end) + select(lower, u, Float(Float(1) - u)) * (d.mass / d.under);
+        const Float tail = math::erfcinv_small(beyond);
+        return d.mean + d.width * select(w < Float(5), central, Float(select(lower, Float(-tail), tail)));
     }
 };
 
