@@ -81,17 +81,20 @@ template <class Float> class HairGrid {
 
     // Expected strands from `origin`, on a strand, along `direction`, up to `distance`. What is seen lies at the hair's
     // edge, where less of its cell's hair is before it than the cell's mean says: the walk begins a quarter of a cell on,
-    // which brings the brightness of black hair to what exact counting gives (benchmarks/dual_scattering.py).
+    // which brings the brightness of black hair to what exact counting gives (benchmarks/dual_scattering.py). `offset` moves
+    // the ray against the grid, by cells along each axis: at random from -1/2 to 1/2, it blurs the cells' borders away.
     template <class Point, class Vector>
-    Float strands(const Point &origin, const Vector &direction, const Float &distance) const {
-        const Float skip = dr::minimum(distance, .25f / 3.f * (m_grid.cell[0] + m_grid.cell[1] + m_grid.cell[2]));
-        return walk(m_grid, m_values, origin + direction * skip, direction, distance - skip);
+    Float strands(const Point &origin, const Vector &direction, const Float &distance, const Mask &at_edge,
+                  const Vector &offset) const {
+        const Float skip =
+            dr::select(at_edge, dr::minimum(distance, .25f / 3.f * (m_grid.cell[0] + m_grid.cell[1] + m_grid.cell[2])), 0.f);
+        return walk(m_grid, m_values, origin + direction * skip, direction, distance - skip, offset);
     }
 
     // The same up to the end of the hair, roughly: in wider cells.
     template <class Point, class Vector>
-    Float strands_roughly(const Point &origin, const Vector &direction, const Mask &active) const {
-        return walk(m_rough, m_rough_values, origin, direction, dr::select(active, dr::Largest<Float>, 0.f));
+    Float strands_roughly(const Point &origin, const Vector &direction, const Mask &active, const Vector &offset) const {
+        return walk(m_rough, m_rough_values, origin, direction, dr::select(active, dr::Largest<Float>, 0.f), offset);
     }
 
     Buffer<Float> m_values, m_rough_values;
@@ -104,12 +107,13 @@ template <class Float> class HairGrid {
 
     template <class Point, class Vector>
     static Float walk(const Grid &grid, const Buffer<Float> &values, const Point &origin, const Vector &direction,
-                      const Float &distance) {
+                      const Float &distance, const Vector &offset) {
         const cuticle::DensityGrid<float, Memory<Float>> view{memory<Float>(values),
                                                               {grid.size[0], grid.size[1], grid.size[2]},
                                                               {grid.lower[0], grid.lower[1], grid.lower[2]},
                                                               {grid.cell[0], grid.cell[1], grid.cell[2]}};
-        const Float from[3] = {origin.x(), origin.y(), origin.z()};
+        const Float from[3] = {origin.x() + offset.x() * grid.cell[0], origin.y() + offset.y() * grid.cell[1],
+                               origin.z() + offset.z() * grid.cell[2]};
         return cuticle::count_strands(view, from, cuticle::Direction<Float>{direction.x(), direction.y(), direction.z()},
                                       distance);
     }

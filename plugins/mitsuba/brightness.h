@@ -1,0 +1,157 @@
+// By how much paths are brighter than dual scattering, smooth in space.
+#pragma once
+
+#include "drjit_traits.h"
+
+#include <drjit/texture.h>
+#include <mitsuba/core/bbox.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+#include <vector>
+
+namespace cuticle_mitsuba {
+
+namespace dr = drjit;
+
+// The ratio of a path's light to dual scattering's over points of a box, in each channel. It is found level by level: one
+// part, then halves of the box along each axis, halves of these, and so on. A level multiplies what the one before it,
+// interpolated between its parts' centres, says by Σ path / Σ (ratio dual) of each of its parts, as far as that is more than
+// noise: by the share t² / (t² + v) of its difference from one, where v is its variance and t² what the parts of a level
+// differ by beyond v (empirical Bayes, as James and Stein's estimator). v comes from the noise of all samples: a part's own
+// would be large where a bright path fell, and such parts would be held down.
+template <class Float, size_t Channels> class BrightnessRatio {
+  public:
+    using Colour = std::array<float, Channels>;
+    struct Sample {
+        std::array<float, 3> at;
+        Colour path, dual;
+    };
+    using Point = mitsuba::Point<Float, 3>;
+    using Box = mitsuba::BoundingBox<mitsuba::Point<dr::scalar_t<Float>, 3>>;
+
+    bool known() const { return m_known; }
+    void forget() { m_known = false; }
+
+    // The standard error of Σ path / Σ dual, relative; NaN where nothing was met.
+    static double error(const std::vector<Sample> &samples) {
+        double path = 0, dual = 0, squares = 0;
+        for (const Sample &s : samples) {
+            path += sum(s.path);
+            dual += sum(s.dual);
+        }
+        for (const Sample &s : samples) {
+            const double off = sum(s.path) - path / dual * sum(s.dual);
+            squares += off * off;
+        }
+        return std::sqrt(squares) / path;
+    }
+
+    void measure(std::vector<Sample> samples, const Box &box) {
+        m_box = box;
+        for (Sample &s : samples)
+            for (size_t a = 0; a < 3; ++a) s.at[a] = (s.at[a] - float(box.min[a])) / float(box.max[a] - box.min[a]);
+        std::vector<float> ratios = divided(samples, texture<float>(1, std::vector<float>(Channels, 1.f)), 1);
+        size_t side = 1;
+        while (side < finest && samples.size() >= enough * 4 * side * side) {
+            const auto whole = texture<float>(side, ratios);
+            side *= 2;
+            ratios = divided(samples, whole, side);
+        }
+        // Interpolation moves light between parts: the sum is set right.
+        const Parts all = summed(samples, texture<float>(side, ratios), 1);
+        for (size_t k = 0; k < ratios.size(); ++k)
+            if (all.sums[0].dual[k % Channels] > 0)
+                ratios[k] *= all.sums[0].path[k % Channels] / all.sums[0].dual[k % Channels];
+        m_ratios = texture<Float>(side, ratios);
+        m_known = true;
+    }
+
+    auto at(const Point &p, const dr::mask_t<Float> &active) const {
+        return m_ratios.template eval<dr::Array<Float, Channels>>(Point((p - m_box.min) / (m_box.max - m_box.min)), active);
+    }
+
+  private:
+    static constexpr size_t finest = 8;   // parts along an axis
+    static constexpr size_t enough = 64;  // samples of a part, where hair fills as many as a surface does
+    static constexpr float most = 32;     // a ratio is held within 1/most and most
+
+    struct Sums {
+        Colour path{}, dual{};
+        float squares = 0;  // of the samples' dual
+    };
+    struct Parts {
+        std::vector<Sums> sums;
+        double noise;  // variance of a sample's path over its dual squared
+    };
+
+    template <class F> static dr::Texture<F, 3> texture(size_t side, const std::vector<float> &ratios) {
+        const std::vector<dr::scalar_t<F>> values(ratios.begin(), ratios.end());
+        const size_t shape[] = {side, side, side, Channels};
+        return {dr::Tensor<mitsuba::DynamicBuffer<F>>(values.data(), 4, shape), false, false};
+    }
+    static Colour at(const dr::Texture<float, 3> &ratios, const std::array<float, 3> &p) {
+        const auto r = ratios.eval<dr::Array<float, Channels>>(dr::Array<float, 3>(p[0], p[1], p[2]));
+        Colour colour;
+        for (size_t c = 0; c < Channels; ++c) colour[c] = r[c];
+        return colour;
+    }
+    static float sum(const Colour &c) { return std::accumulate(c.begin(), c.end(), 0.f); }
+
+    // Over `side` parts along each axis, with dual scattering's light times `ratios`.
+    static Parts summed(const std::vector<Sample> &samples, const dr::Texture<float, 3> &ratios, size_t side) {
+        Parts parts{std::vector<Sums>(side * side * side), 0};
+        double noise = 0, squares = 0;
+        for (const Sample &s : samples) {
+            size_t k = 0;
+            for (size_t a = 3; a-- > 0;) k = k * side + size_t(std::clamp(s.at[a] * float(side), 0.f, float(side) - .5f));
+            Colour dual = at(ratios, s.at);
+            for (size_t c = 0; c < Channels; ++c) {
+                dual[c] *= s.dual[c];
+                parts.sums[k].path[c] += s.path[c];
+                parts.sums[k].dual[c] += dual[c];
+            }
+            const double light = sum(dual), off = sum(s.path) - light;
+            parts.sums[k].squares += float(light * light);
+            noise += off * off;
+            squares += light * light;
+        }
+        if (squares > 0) parts.noise = noise / squares;
+        return parts;
+    }
+
+    static std::vector<float> divided(const std::vector<Sample> &samples, const dr::Texture<float, 3> &whole, size_t side) {
+        const Parts parts = summed(samples, whole, side);
+        const auto variance = [&](const Sums &part, float dual) { return parts.noise * part.squares / (dual * dual); };
+        double excess = 0, weight = 0;
+        for (const Sums &part : parts.sums) {
+            const float dual = sum(part.dual);
+            if (!(dual > 0)) continue;
+            const double off = double(sum(part.path)) - dual;
+            excess += off * off - parts.noise * part.squares;
+            weight += double(dual) * dual;
+        }
+        const double between = weight > 0 ? std::max(excess / weight, 0.) : 0.;
+        std::vector<float> ratios;
+        for (size_t k = 0; k < parts.sums.size(); ++k) {
+            const auto middle = [&](size_t index) { return (float(index % side) + .5f) / float(side); };
+            const Colour here = at(whole, {middle(k), middle(k / side), middle(k / side / side)});
+            const Sums &part = parts.sums[k];
+            const float dual = sum(part.dual);
+            const float share = dual > 0 && between > 0 ? float(between / (between + variance(part, dual))) : 0.f;
+            for (size_t c = 0; c < Channels; ++c) {
+                const float off = part.dual[c] > 0 ? part.path[c] / part.dual[c] - 1 : 0.f;
+                ratios.push_back(std::clamp(here[c] * (1 + share * off), 1 / most, most));
+            }
+        }
+        return ratios;
+    }
+
+    Box m_box;
+    dr::Texture<Float, 3> m_ratios;
+    bool m_known = false;
+};
+
+}  // namespace cuticle_mitsuba

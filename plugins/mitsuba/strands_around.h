@@ -1,0 +1,183 @@
+// What lies around a point of a scene's hair: other strands, counted on the way to a light, and what is no hair.
+#pragma once
+
+#include "drjit_traits.h"
+
+#include <mitsuba/core/properties.h>
+#include <mitsuba/render/bsdf.h>
+#include <mitsuba/render/emitter.h>
+#include <mitsuba/render/scene.h>
+
+#include <atomic>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "hair_grid.h"
+#include "strands.h"
+
+NAMESPACE_BEGIN(mitsuba)
+
+template <typename Float, typename Spectrum> class StrandsAround {
+  public:
+    MI_IMPORT_TYPES(Scene, Sampler, Shape, EmitterPtr, BSDFPtr)
+    using Around = cuticle_mitsuba::Around<Float>;
+
+    // How strands are counted: from hit to hit, up to `most`, or in a grid of so many cells; those behind, too.
+    bool trace, behind;
+    int cells, most;
+
+    cuticle_mitsuba::HairGrid<Float> grid;
+
+    bool some_hair() const { return m_some_hair; }
+    const ScalarBoundingBox3f &box() const { return m_box; }
+
+    // Forgets the scene: what it holds may have changed since.
+    void forget() { m_scene = nullptr; }
+
+    // Once per scene: its hair's grid, and a scene of everything else.
+    void prepare(const Scene *scene) {
+        if (m_scene == scene) return;
+        std::lock_guard<std::mutex> guard(m_mutex);
+        if (m_scene == scene) return;
+        m_others = nullptr;
+        Properties others("scene");
+        std::vector<ref<Shape>> kept;
+        bool some_hair = false, all_read = !trace || behind;
+        m_draws = false;
+        m_box.reset();
+        for (const ref<Shape> &shape : scene->shapes()) {
+            const uint32_t flags = shape->bsdf() ? shape->bsdf()->flags() : 0u;
+            if (flags & cuticle_mitsuba::hair_flag) {
+                all_read = all_read && grid.add(const_cast<Shape *>(shape.get()));
+                if (!trace && !all_read)
+                    Throw(
+                        "dual_scattering: hair must be a bsplinecurve for counter = grid, got %s; use bsplinecurve, or "
+                        "counter = trace",
+                        shape->class_name());
+                m_draws = m_draws || !(flags & cuticle_mitsuba::mean_flag);
+                some_hair = true;
+                m_box.expand(shape->bbox());
+            } else {
+                others.set("shape" + std::to_string(kept.size()), ref<Object>(const_cast<Shape *>(shape.get())));
+                kept.push_back(shape);
+            }
+        }
+        if (!some_hair)
+            Log(Warn,
+                "dual_scattering: no shape has a BSDF `cuticle` whose fibre can stand among others: all is lit as by "
+                "`direct`");
+        m_has_grid = some_hair && all_read;
+        if (m_has_grid) grid.build(cells);
+        else grid.clear();
+        if (!kept.empty() && some_hair) {
+            m_others = new Scene(others);
+            // The shapes stay the first scene's.
+            for (const ref<Shape> &shape : kept)
+                if (shape->is_emitter()) const_cast<Shape *>(shape.get())->emitter()->set_scene(scene);
+        }
+        m_some_hair = some_hair;
+        m_scene = scene;
+    }
+
+    // Strands around a hair on its way to the light (elsewhere none), from the hair's edge where it is seen or from within;
+    // `lit` loses what stands in the shadow of something else.
+    Around strands_between(const Scene *scene, const Ray3f &toward, const Mask &hair, const Mask &at_edge, Mask &lit,
+                           Sampler *sampler) const {
+        const Mask on_hair = hair && lit, elsewhere = lit && !hair;
+        if (dr::any_or<true>(elsewhere)) lit &= !(elsewhere && scene->ray_test(toward, false, elsewhere));
+        if (m_others && !trace) lit &= !(on_hair && m_others->ray_test(toward, false, on_hair));
+        const Around around = count(scene, toward, at_edge, on_hair && lit, sampler);
+        lit &= around.strands >= 0.f;
+        return around;
+    }
+
+    // Strands toward the light, -1 where something that is no hair blocks the way (found while tracing only), and beyond.
+    Around count(const Scene *scene, const Ray3f &toward, const Mask &at_edge, const Mask &active, Sampler *sampler) const {
+        Around around{Float(0.f), Float(0.f), Float(cuticle::half_space<Float>)};
+        if (!m_some_hair) return around;
+        Vector3f offset(0.f);
+        if (m_has_grid) {
+            const Point2f u = sampler->next_2d(active);
+            offset = Vector3f(u.x(), u.y(), sampler->next_1d(active)) - .5f;
+        }
+        if (behind && m_has_grid) around.behind = grid.strands_roughly(toward.o, -toward.d, active, offset);
+        if (trace) {
+            around.strands = traced(scene, toward, active);
+            return around;
+        }
+        around.expected = grid.strands(toward.o, toward.d, dr::select(active, toward.maxt, 0.f), at_edge, offset);
+        if (m_draws) around.strands = poisson(around.expected, sampler->next_1d(active));
+        return around;
+    }
+
+    // The first thing along a ray that is not hair, for rays that start on hair; the first thing for all others.
+    SurfaceInteraction3f beyond_hair(const Scene *scene, const Ray3f &ray, const Mask &hair, const Mask &active) const {
+        SurfaceInteraction3f si = dr::zeros<SurfaceInteraction3f>();
+        si.wi = -ray.d;
+        si.time = ray.time;
+        si.wavelengths = ray.wavelengths;
+        si.t = dr::Infinity<Float>;
+        const Mask on_hair = active && hair, elsewhere = active && !hair;
+        if (m_others && dr::any_or<true>(on_hair)) {
+            const SurfaceInteraction3f found = m_others->ray_intersect(ray, +RayFlags::All, false, on_hair);
+            dr::masked(si, on_hair) = found;
+        }
+        if (dr::any_or<true>(elsewhere)) {
+            const SurfaceInteraction3f found = scene->ray_intersect(ray, +RayFlags::All, false, elsewhere);
+            dr::masked(si, elsewhere) = found;
+        }
+        return si;
+    }
+
+  private:
+    // Strands scatter about their expectation as counts do, and E[a^N] = exp(tau (a - 1)) is not a^tau: N is drawn.
+    static Float poisson(const Float &expected, const Float &u) {
+        constexpr int terms = 24;
+        const Float small = dr::minimum(expected, 8.f);
+        Float mass = dr::exp(-small), below = mass, n(0.f);
+        for (int k = 1; k < terms; ++k) {
+            n += dr::select(u >= below, Float(1.f), Float(0.f));
+            mass *= small / ScalarFloat(k);
+            below += mass;
+        }
+        const Float z = cuticle::math::erfinv(Float(dr::clip(2.f * u - 1.f, -.9999999f, .9999999f))) * dr::SqrtTwo<Float>;
+        const Float large = dr::maximum(dr::round(expected + dr::sqrt(expected) * z + (z * z - 1.f) / 6.f), 0.f);
+        return dr::select(expected > 8.f, large, n);
+    }
+
+    // Exact: from hit to hit. Back faces are culled, so that each strand counts once.
+    Float traced(const Scene *scene, const Ray3f &toward, const Mask &active) const {
+        Ray3f start(toward);
+        auto [ray, n, going] = dr::while_loop(
+            dr::make_tuple(start, Float(0.f), Mask(active)),
+            [](const Ray3f &, const Float &, const Mask &going) { return going; },
+            [this, scene](Ray3f &ray, Float &n, Mask &going) {
+                const auto pi = scene->ray_intersect_preliminary(ray, false, going);
+                const Mask hit = going && pi.is_valid();
+                if (dr::none_or<false>(hit)) {
+                    going = false;
+                    return;
+                }
+                const BSDFPtr bsdf = pi.shape->bsdf();
+                const Mask hair = hit && (bsdf->flags() & cuticle_mitsuba::hair_flag) != 0u;
+                dr::masked(n, hair) = n + 1.f;
+                dr::masked(n, hit && !hair) = -1.f;
+                going = hair && n < ScalarFloat(most);
+                const Float step = pi.t * (1.f + math::RayEpsilon<Float>)+math::RayEpsilon<Float>;
+                dr::masked(ray.o, going) = ray(step);
+                dr::masked(ray.maxt, going) = ray.maxt - step;
+                going &= ray.maxt > 0.f;
+            });
+        return n;
+    }
+
+    std::mutex m_mutex;
+    std::atomic<const Scene *> m_scene = nullptr;
+    ref<Scene> m_others;
+    ScalarBoundingBox3f m_box;  // of all hair
+    // Some hair is there; all of it is in the grid; some of it knows no mean over what the grid expects.
+    bool m_some_hair = false, m_has_grid = false, m_draws = false;
+};
+
+NAMESPACE_END(mitsuba)
