@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-__all__ = ["follow_guides", "resampled", "stray", "triangulated"]
+__all__ = ["cut", "follow_guides", "resampled", "stray", "triangulated"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -138,7 +138,7 @@ def follow_guides(
     if frizz:
         length = np.linalg.norm(np.diff(out[..., :3], axis=1), axis=2).sum(axis=1)
         out[..., :3] += frizz * length[:, None, None] * stray(strands, points, rng)
-    return _cut(out, 1 - length_variation * rng.random(strands)) if length_variation else out
+    return cut(out, 1 - length_variation * rng.random(strands)) if length_variation else out
 
 
 def _alike(shapes: Array, triangles: Indices) -> Array:
@@ -162,8 +162,8 @@ def stray(strands: int, points: int, rng: np.random.Generator) -> Array:
     return out
 
 
-def _cut(strands: Array, kept: Array) -> Array:
-    """Strands without their ends beyond the share `kept`, with as many points."""
+def cut(strands: Array, kept: Array) -> Array:
+    """Return strands without their ends beyond the share `kept`, (strands,), with as many points."""
     points = strands.shape[1]
     at = np.minimum(kept[:, None] * np.arange(points), points - 1)
     before = np.minimum(at.astype(np.int64), points - 2)
