@@ -69,9 +69,9 @@ def command(output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR"
 
 def _demo_hair(path: Path) -> str:
     """Render a head of blond hair, lit through itself, where Mitsuba can; return what came of it."""
-    from cuticle.grooms.procedural import hair_head
+    from cuticle.grooms.procedural import hair_head, head_bust
     from cuticle.render.picture import expected_seconds, render, save_picture
-    from cuticle.render.scene import Light, View, bsdf, integrator, load_scene, mitsuba
+    from cuticle.render.scene import Light, View, bsdf, bust_shape, integrator, load_scene, mitsuba
 
     try:
         mi = mitsuba()
@@ -79,7 +79,15 @@ def _demo_hair(path: Path) -> str:
         return f"not rendered: {error}"
     head, view = hair_head(), View(width=320, height=384)
     with progress_bar() as progress:
-        scene = load_scene(mi, head, bsdf("blond"), view=view, light=Light("studio"), technique=integrator("dual"))
+        scene = load_scene(
+            mi,
+            head,
+            bsdf("blond"),
+            view=view,
+            light=Light("studio"),
+            technique=integrator("dual"),
+            others={"bust": bust_shape(mi, head_bust())},
+        )
         progress.expect(expected_seconds(scene, 48) or 0.0)
         done = render(scene, 48, progress=progress)
     save_picture(path, done.image)

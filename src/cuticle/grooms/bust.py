@@ -114,7 +114,7 @@ class Bust:
             out[below] += depth[below, None] * self.outward(out[below])
         return out
 
-    def mesh(self, rows: int = 220, columns: int = 160) -> tuple[Array, Array, NDArray[np.int64]]:
+    def mesh(self, rows: int = 180, columns: int = 128) -> tuple[Array, Array, NDArray[np.int64]]:
         """Return its surface: vertices and normals (N, 3), and triangles (M, 3).
 
         Each row of vertices lies at one height, found along rays from an axis inside; the bottom is open.
@@ -128,7 +128,7 @@ class Bust:
         behind = -self.facing * unit * np.interp(t, [0, 0.55], [0, 0.3])
         axis = self.centre + np.stack([0 * height, height - self.centre[1], behind], axis=-1)
         near, far = np.zeros((rows, columns)), np.full((rows, columns), 2.6 * unit)
-        for _ in range(30):
+        for _ in range(22):
             middle = (near + far) / 2
             inside = self.distance(axis[:, None] + middle[..., None] * away) < 0
             near, far = np.where(inside, middle, near), np.where(inside, far, middle)

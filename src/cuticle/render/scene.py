@@ -154,8 +154,8 @@ def _softboxes(axes: NDArray[np.float64], height: int = 128) -> NDArray[np.float
     image += (0.08 * np.clip(direction @ axes[1], 0, 1))[..., None]
     # toward (right, up, back), half width in degrees, radiance
     for toward, width, colour in (
-        ((-0.6, 0.75, 0.6), 17, (32.0, 30.0, 27.0)),
-        ((0.95, 0.15, 0.5), 30, (1.2, 1.3, 1.5)),
+        ((-0.7, 0.6, 0.65), 16, (44.0, 41.0, 37.5)),
+        ((0.95, 0.15, 0.5), 30, (1.8, 1.95, 2.25)),
         ((0.55, 0.6, -0.9), 16, (16.0, 16.2, 17.0)),
     ):
         angle = np.degrees(np.arccos(np.clip(direction @ (axes.T @ _unit(toward)), -1, 1)))
@@ -163,7 +163,7 @@ def _softboxes(axes: NDArray[np.float64], height: int = 128) -> NDArray[np.float
     return image.astype(np.float32)
 
 
-def bust_shape(mi: Any, bust: Bust, grey: float = 0.13) -> Any:
+def bust_shape(mi: Any, bust: Bust, grey: float = 0.06) -> Any:
     """Return the shape of a bust, matte grey of that reflectance."""
     vertices, normals, triangles = bust.mesh()
     properties = mi.Properties()
@@ -207,6 +207,7 @@ def load_scene(
     light: Light | None = None,
     technique: dict[str, Any] | None = None,
     others: dict[str, Any] | None = None,
+    framed: Groom | None = None,
 ) -> Any:
     """Return Mitsuba's scene of a groom.
 
@@ -224,6 +225,8 @@ def load_scene(
         The integrator, a dictionary. Default: the path tracer.
     others
         Further shapes by name, dictionaries or objects.
+    framed
+        What the camera and the light are placed for. Default: the groom.
 
     Raises
     ------
@@ -234,7 +237,8 @@ def load_scene(
     low, high = groom.bounds
     if not (size := float((high - low).max())) >= SMALLEST:
         raise ValueError(f"the groom must be at least {SMALLEST:g} across to be rendered, got {size:.3g}; scale it up")
-    origin, target = view.place(groom)
+    framed = groom if framed is None else framed
+    origin, target = view.place(framed)
     distance = float(np.linalg.norm(origin - target))  # Mitsuba's camera sees from .01 to 10,000, in whatever unit
     camera = mi.ScalarTransform4f().look_at(origin=origin.tolist(), target=target.tolist(), up=view.axes()[1].tolist())
     with tempfile.TemporaryDirectory() as folder:
@@ -261,7 +265,7 @@ def load_scene(
                     "sampler": {"type": "independent"},
                 },
                 "hair": {"type": "bsplinecurve", "filename": str(curves), "bsdf": material},
-                "light": light.plugin(mi, groom, view),
+                "light": light.plugin(mi, framed, view),
                 **(others or {}),
             }
         )
