@@ -185,11 +185,11 @@ def built_in(mi: Any) -> None:
     head, others = hair_head(60_000).with_thickness(0.0011, 0.0005), {"bust": bust_shape(mi, head_bust(), 0.06)}
     red = {"type": "cuticle", "eumelanin": 0.1, "pheomelanin": 1.6, "beta_R": 7.0, "beta_N": 12.0, "alpha_R": -2.5}
     images = []
-    for material, azimuth, elevation in ((bsdf("blond"), 25, 10), (bsdf("brown"), -35, 14), (red, 150, 6)):
-        view = View(azimuth=azimuth, elevation=elevation, width=380, height=460)
+    for material, azimuth, elevation in ((bsdf("blond"), 30, 10), (bsdf("brown"), -35, 14), (red, 150, 6)):
+        view = View(azimuth=azimuth, elevation=elevation, width=400, height=460, zoom=0.95)
         scene = load_scene(mi, head, material, view=view, light=Light("studio"), technique=integrator("dual"), others=others)
         with progress_bar() as progress:
-            images.append(over_backdrop(render(scene, 96, progress=progress).image * np.array([1.15] * 3 + [1])))
+            images.append(over_backdrop(render(scene, 64, progress=progress).image * np.array([1.15] * 3 + [1])))
     write_bytes(IMAGES / "built_in.png", png(srgb(np.concatenate(images, axis=1))))
 
 

@@ -111,7 +111,7 @@ def head_bust() -> Bust:
 
 
 def hair_head(
-    strands: int = 30_000, *, points: int = 32, length: float = 2.6, waves: float = 2.5, frizz: float = 1.0, seed: int = 1
+    strands: int = 30_000, *, points: int = 32, length: float = 2.6, waves: float = 1.5, frizz: float = 1.0, seed: int = 1
 ) -> Groom:
     """Return long, parted hair as it falls about a head that is one unit high from its middle and looks along -z, so that
     a camera at +z sees its back. Needs no file.
@@ -147,9 +147,15 @@ def hair_head(
     middle = lock[cKDTree(root[lock]).query(root)[1]]
     s = np.linspace(0, 1, points)[None, :, None]
     path += _DRAWN * s * (path[middle] - path)
-    # Neighbours wave together: were each lock on its own, every bulge would catch the light as a patch.
+    # Neighbours wave together, and not all at one height: each lock on its own would catch the light as a patch, all
+    # together as a band.
     side = np.arctan2(root[:, 0], root[:, 2])
-    path += _waves(path, s * longest / length, waves, 1.5 * np.sin(2 * side) + 0.25 * rng.standard_normal(_GUIDES)[middle])
+    path += _waves(
+        path,
+        s * longest / length,
+        waves,
+        3 * np.sin(side) + 2 * np.cos(3 * side) + 0.25 * rng.standard_normal(_GUIDES)[middle],
+    )
     path = body.kept_out(path, np.minimum(margin, 0.25 * s[..., 0]))
     # One hemline, lower at the back, where strands end and not at the point before.
     above = path[:, :, 1] - (1 - length + 0.12 * path[:, :, 2])
@@ -225,5 +231,5 @@ def _waves(path: Array, s: Array, waves: float, phase: Array) -> Array:
     outward -= (outward * along).sum(axis=2, keepdims=True) * along
     outward /= np.maximum(np.linalg.norm(outward, axis=2, keepdims=True), 1e-9)
     turn = 2 * np.pi * waves * s + phase[:, None, None]
-    size = 0.1 * (waves > 0) * np.clip(1.3 * s, 0, 1) ** 1.5
+    size = 0.06 * (waves > 0) * np.clip(1.3 * s, 0, 1) ** 1.5
     return size * (np.cos(turn) * outward + 0.8 * np.sin(turn) * np.cross(along, outward))
