@@ -77,7 +77,7 @@ docs: demo
 	cp out/demo/densities.png docs/images/densities.png
 	$(BIN)/python docs/build.py
 
-# The rendered pictures: a quarter of an hour, and $CUTICLE_DATA with a groom; and the page's, with Chromium.
+# The rendered pictures: half an hour, and $CUTICLE_DATA with a groom; and the page's, with Chromium.
 pictures: $(VENV)/.installed-test
 	$(BIN)/python docs/screenshot.py
 	$(BIN)/python docs/pictures.py

@@ -1,6 +1,7 @@
-"""Render the pictures of README and docs/mitsuba.md: heads of hair, samplings at equal time, dual scattering beside paths.
+"""Render the pictures of README and docs: heads of hair, samplings at equal time, dual scattering beside paths.
 
-The ponytail is one of TressFX's grooms (Advanced Micro Devices, MIT), read from $CUTICLE_DATA/hair.
+Without arguments all of them, else those that are named: `docs/pictures.py heads built_in`. The grooms are read from
+$CUTICLE_DATA/hair: TressFX's ponytail (Advanced Micro Devices, MIT), and Sintel's hair (the README names its authors).
 """
 
 from __future__ import annotations
@@ -10,6 +11,8 @@ import os
 import shutil
 import sys
 import tempfile
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +20,12 @@ import numpy as np
 
 from cuticle._support.files import write_bytes
 from cuticle.cli.terminal import progress_bar
+from cuticle.grooms.bust import Bust
 from cuticle.grooms.groom import Groom, join_grooms, read_groom
-from cuticle.grooms.procedural import hair_ball, hair_head, wavy_lock
+from cuticle.grooms.procedural import hair_ball, hair_head, head_bust, wavy_lock
 from cuticle.render.compare import compare_samplings
 from cuticle.render.picture import over_backdrop, render, srgb
-from cuticle.render.scene import Light, View, bsdf, integrator, load_scene, mitsuba
+from cuticle.render.scene import Light, View, bsdf, bust_shape, integrator, load_scene, mitsuba
 from cuticle.sampling.quality import UniformSphere, measure
 from cuticle.scattering.marschner import Marschner
 
@@ -33,22 +37,13 @@ def ponytail(data: Path) -> Groom:
     return join_grooms([read_groom(data / "hair" / "tressfx" / f"ponytail_{part}.tfx") for part in PONYTAIL])
 
 
-def skull(mi: Any, groom: Groom, folder: Path) -> dict[str, Any]:
-    """An ellipsoid through the roots of the strands, a little smaller."""
-    roots = groom.points[groom.offsets[:-1]].astype(np.float64)
-    k, *_ = np.linalg.lstsq(np.hstack([roots**2, roots]), np.ones(len(roots)), rcond=None)
-    centre = -k[3:] / (2 * k[:3])
-    radii = 0.9 * np.sqrt((1 + (k[:3] * centre**2).sum()) / k[:3])
-    theta, phi = np.meshgrid(np.linspace(0, np.pi, 65), np.linspace(0, 2 * np.pi, 129), indexing="ij")
-    unit = np.stack([np.sin(theta) * np.cos(phi), np.cos(theta), np.sin(theta) * np.sin(phi)], axis=-1).reshape(-1, 3)
-    lines = ["v {:.6g} {:.6g} {:.6g}".format(*p) for p in centre + radii * unit]
-    lines += ["vn {:.6g} {:.6g} {:.6g}".format(*n) for n in unit / radii]
-    corner = (np.arange(64)[:, None] * 129 + np.arange(128) + 1).ravel()
-    for a in corner:
-        lines.append("f {0}//{0} {1}//{1} {2}//{2} {3}//{3}".format(a, a + 1, a + 130, a + 129))
-    (folder / "skull.obj").write_text("\n".join(lines) + "\n")
-    skin = {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.06, 0.04, 0.033]}}
-    return {"type": "obj", "filename": str(folder / "skull.obj"), "bsdf": skin}
+def sintel(data: Path) -> tuple[Groom, Bust]:
+    """Sintel's hair, full, and a bust through its roots."""
+    guides = read_groom(data / "hair" / "sintel" / "sintel.tfx")
+    bust = Bust.fitted(guides)
+    guides = replace(guides, points=bust.kept_out(guides.points, 5e-4).astype(np.float32))
+    full = guides.interpolated(100_000, points=20, clumping=0.35, frizz=0.008, length_variation=0.1)
+    return full.with_thickness(5e-5, 2.5e-5), bust  # metres
 
 
 def png(pixels: np.ndarray) -> bytes:
@@ -59,23 +54,50 @@ def png(pixels: np.ndarray) -> bytes:
     return buffer.getvalue()
 
 
+def split(groom: Groom, share: float) -> tuple[Groom, Groom]:
+    """A random share of the strands, and the others."""
+    chosen = np.random.default_rng(5).random(groom.strands) < share
+    own = np.repeat(chosen, groom.counts)
+    first, second = (
+        Groom(groom.points[of], np.append(0, np.cumsum(groom.counts[which])), groom.radius[of])
+        for which, of in ((chosen, own), (~chosen, ~own))
+    )
+    return first, second
+
+
 def heads(mi: Any, data: Path) -> None:
-    groom = ponytail(data).with_followers(14, 0.35, tip_spread=1.0).with_thickness(0.045, 0.018)
-    hair: list[tuple[dict[str, Any], float]] = [
-        (bsdf("blond"), 60),
-        ({"type": "cuticle", "alpha_R": -2.0, "beta_R": 8.3, "beta_N": 12.2, "eumelanin": 0.25, "pheomelanin": 0.8}, 110),
-        (bsdf("brown"), 35),
-    ]
-    rows = []
+    """Blond, red, brown, black and grey: one head of hair, one light, and the melanin of each."""
+    groom, bust = sintel(data)
+    shape = {"type": "cuticle", "alpha_R": -2.0, "beta_R": 8.3, "beta_N": 12.2}
+    red = {**shape, "eumelanin": 0.04, "pheomelanin": 1.2}
+    grey = {**shape, "eumelanin": 1.6, "pheomelanin": 0.0}
+    white = {**shape, "sigma_a": {"type": "rgb", "value": [0.02, 0.02, 0.022]}}
+    view = View(azimuth=-40, elevation=4, width=420, height=500, fov=20, zoom=0.78)
+    layers = []
     with tempfile.TemporaryDirectory() as folder, progress_bar() as progress:
-        others = {"skull": skull(mi, groom, Path(folder))}
-        for material, azimuth in hair:
-            view = View(azimuth=azimuth, elevation=6, width=440, height=600, fov=24)
+        for material in (bsdf("blond"), red, bsdf("brown"), bsdf("black"), grey):
+            hair, others = groom, {"bust": bust_shape(mi, bust, 0.06)}
+            if material is grey:  # strays are another shape, of another fibre
+                strays, hair = split(groom, 0.22)
+                strays.save(Path(folder) / "strays.txt")
+                others["strays"] = {"type": "bsplinecurve", "filename": str(Path(folder) / "strays.txt"), "bsdf": white}
             scene = load_scene(
-                mi, groom, material, view=view, light=Light("studio"), technique=integrator("dual"), others=others
+                mi,
+                hair,
+                material,
+                view=view,
+                light=Light("studio"),
+                technique=integrator("dual"),
+                others=others,
+                framed=groom,
             )
-            rows.append(over_backdrop(render(scene, 256, progress=progress).image * np.array([1.35] * 3 + [1])))
-    write_bytes(IMAGES / "heads.png", png(srgb(np.concatenate(rows, axis=1))))
+            layers.append(render(scene, 72, progress=progress).image)
+    pitch = 330
+    row = np.zeros((view.height, 4 * pitch + view.width, 4))
+    for k in (0, 4, 1, 3, 2):  # the middle one in front
+        place = row[:, k * pitch : k * pitch + view.width]
+        place[:] = layers[k] + (1 - layers[k][..., 3:]) * place
+    write_bytes(IMAGES / "heads.png", png(srgb(over_backdrop(row[50:] * np.array([1.15] * 3 + [1])))))
 
 
 def ess_of_brown() -> None:
@@ -159,32 +181,32 @@ def textured(mi: Any) -> None:
 
 
 def built_in(mi: Any) -> None:
-    """The head of hair that needs no file, in three colours."""
-    head = hair_head()
+    """The head of hair that needs no file, in three colours, from behind and from its front."""
+    head, others = hair_head(60_000).with_thickness(0.0011, 0.0005), {"bust": bust_shape(mi, head_bust(), 0.06)}
     red = {"type": "cuticle", "eumelanin": 0.1, "pheomelanin": 1.6, "beta_R": 7.0, "beta_N": 12.0, "alpha_R": -2.5}
     images = []
-    for material, azimuth, elevation in ((bsdf("blond"), 25, 10), (bsdf("brown"), -30, 22), (red, 60, 8)):
-        view = View(azimuth=azimuth, elevation=elevation, width=380, height=460)
-        scene = load_scene(mi, head, material, view=view, light=Light("studio"), technique=integrator("dual"))
+    for material, azimuth, elevation in ((bsdf("blond"), 30, 10), (bsdf("brown"), -35, 14), (red, 150, 6)):
+        view = View(azimuth=azimuth, elevation=elevation, width=400, height=460, zoom=0.95)
+        scene = load_scene(mi, head, material, view=view, light=Light("studio"), technique=integrator("dual"), others=others)
         with progress_bar() as progress:
-            images.append(over_backdrop(render(scene, 192, progress=progress).image * np.array([1.3] * 3 + [1])))
+            images.append(over_backdrop(render(scene, 64, progress=progress).image * np.array([1.15] * 3 + [1])))
     write_bytes(IMAGES / "built_in.png", png(srgb(np.concatenate(images, axis=1))))
 
 
 def main() -> None:
     data = Path(os.environ.get("CUTICLE_DATA", Path(__file__).parents[1] / "../shared/data"))
     mi = mitsuba("scalar_rgb")
-    wanted = sys.argv[1:] or ["heads", "equal_time", "beside_paths", "textured", "built_in"]
-    if "heads" in wanted:
-        heads(mi, data)
-    if "equal_time" in wanted:
-        equal_time(data)
-    if "beside_paths" in wanted:
-        beside_paths(mi, data)
-    if "textured" in wanted:
-        textured(mi)
-    if "built_in" in wanted:
-        built_in(mi)
+    pictures: dict[str, Callable[[], None]] = {
+        "heads": lambda: heads(mi, data),
+        "equal_time": lambda: equal_time(data),
+        "beside_paths": lambda: beside_paths(mi, data),
+        "textured": lambda: textured(mi),
+        "built_in": lambda: built_in(mi),
+    }
+    for name in sys.argv[1:] or pictures:
+        if name not in pictures:
+            sys.exit(f"a picture is one of {', '.join(pictures)}; got {name!r}")
+        pictures[name]()
 
 
 if __name__ == "__main__":

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 import cuticle
-from command import refused, run_program
+from command import refused, run, run_program
 from cuticle.grooms.groom import Groom
-from cuticle.grooms.procedural import hair_ball, wavy_lock
+from cuticle.grooms.procedural import hair_ball, hair_head, wavy_lock
 from cuticle.render.picture import expected_seconds, over_backdrop, passes, rel_mse, render, save_picture
 from cuticle.render.scene import Light, View, bsdf, integrator, load_scene
 
@@ -354,6 +354,34 @@ def test_command_line(tmp_path: Path) -> None:
     assert (tmp_path / "ball.png").stat().st_size > 500
 
 
+def test_a_bust_stands_under_the_hair(tmp_path: Path, use_variant: Callable[[str], Any]) -> None:
+    """Below the hair, in the middle of the picture, is its grey, and nothing beside its neck."""
+    mi = use_variant("scalar_rgb")
+    hair_head(1000, length=1.2).save(tmp_path / "head.txt")
+    more = (
+        "--bust",
+        "--interpolate",
+        "500",
+        "--integrator",
+        "direct",
+        "--sampling",
+        "uniform",
+        "--spp",
+        "4",
+        "--width",
+        "24",
+        "--zoom",
+        ".6",
+    )
+    run("render", "head.txt", *more, "-o", "a.exr", cwd=tmp_path)
+    picture = np.array(mi.Bitmap(str(tmp_path / "a.exr")))
+    neck = picture[18, 11:14]
+    assert (picture[18, [0, 1, -2, -1], 3] == 0).all()
+    assert (neck[:, 3] == 1).all()
+    assert (neck[:, :3] > 0).all()
+    assert (np.ptp(neck[:, :3], axis=1) <= 0.25 * neck[:, :3].mean(axis=1)).all()  # the studio's lamps are tinted by so much
+
+
 @pytest.mark.slow
 def test_command_line_compares(tmp_path: Path) -> None:
     ran = run_program(
@@ -385,6 +413,9 @@ def test_command_line_compares(tmp_path: Path) -> None:
         (("ball", "-o", "a.png", "--height", "0"), "height must be in [1, 8192], got 0"),
         (("compare", "nowhere.hair", "-o", "out"), "cannot read groom nowhere.hair"),
         (("ball", "-o", "a.png", "--tip", "0.1"), "--tip needs --radius"),
+        (("ball", "-o", "a.png", "--interpolate", "-1"), "--interpolate must be in [0, 1e+07], got -1"),
+        (("ball", "-o", "a.png", "--interpolate", "9", "--followers", "2"), "leave out one"),
+        (("lock", "-o", "a.png", "--bust"), "groom must have roots about a head"),
         (("ball", "-o", "a.png", "--variant", "gpu"), "variant must be one of scalar_rgb"),
         (("ball", "-o", "nowhere/a.png"), "cannot write to nowhere"),
         (("compare", "ball", "-o", "out", "--seconds", "0"), "--seconds must be in [0.1, 3600], got 0"),

@@ -15,10 +15,11 @@ from cuticle._support.files import check_directory, check_file, filling
 from cuticle.cli.tables import table
 from cuticle.cli.terminal import JsonOption, out, progress_bar, refuse_idle
 from cuticle.fitting.fit import SAMPLINGS
-from cuticle.grooms.groom import MAX_FOLLOWERS, Groom, join_grooms, read_groom
-from cuticle.grooms.procedural import hair_ball, hair_head, wavy_lock
+from cuticle.grooms.bust import Bust
+from cuticle.grooms.groom import MAX_FOLLOWERS, MAX_STRANDS, Groom, join_grooms, read_groom
+from cuticle.grooms.procedural import hair_ball, hair_head, head_bust, wavy_lock
 from cuticle.grooms.readers import known_formats
-from cuticle.render.scene import INTEGRATORS, LIGHTS, Light, View, bsdf, integrator, load_scene, mitsuba
+from cuticle.render.scene import INTEGRATORS, LIGHTS, Light, View, bsdf, bust_shape, integrator, load_scene, mitsuba
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.by_name import read_parameters_or_model
 
@@ -123,6 +124,10 @@ def picture_command(
     tip: TipOption = None,
     followers: FollowersOption = 0,
     spread: SpreadOption = None,
+    interpolate: Annotated[
+        int, typer.Option(help="Number of strands to interpolate between those of the groom, which are then guides.")
+    ] = 0,
+    bust: Annotated[bool, typer.Option("--bust", help="Put head, neck and shoulders under the hair.")] = False,
     frame: FrameOption = None,
     width: WidthOption = 512,
     height: Annotated[int | None, typer.Option(help="Height in pixels. Default: the width.")] = None,
@@ -151,6 +156,8 @@ def picture_command(
     if fibre.endswith(".json") and sampling == "lobes":
         refuse_idle(ctx, "for a sampler's file, whose lobes are drawn from", "sampling")
     _check_groom(ctx, radius, tip, followers, spread)
+    if validate.integer("--interpolate", interpolate, 0, MAX_STRANDS) and followers:
+        raise ValueError("--interpolate makes strands between those of the groom, --followers beside them; leave out one")
     view = View(azimuth=azimuth, elevation=elevation, width=width, height=width if height is None else height, zoom=zoom)
     lit = Light(light, strength)
     validate.choice("--counter", counter, ("grid", "trace"))
@@ -159,10 +166,14 @@ def picture_command(
     material = bsdf(fibre, sampling, strands=technique == "dual")
     _check_fibre(fibre)
     hair = _groom(groom, radius, tip, followers, spread, frame)
+    under = (head_bust() if groom == ["head"] else Bust.fitted(hair)) if bust else None
+    if interpolate:
+        hair = hair.interpolated(interpolate)
     mi = mitsuba(variant)
     with progress_bar(json_output) as progress:
         progress("fitting the fibre, loading the scene", 0.0)
-        scene = load_scene(mi, hair, material, view=view, light=lit, technique=how)
+        others = {} if under is None else {"bust": bust_shape(mi, under)}
+        scene = load_scene(mi, hair, material, view=view, light=lit, technique=how, others=others)
         seconds = expected_seconds(scene, spp)
         if seconds is not None:
             progress.expect(seconds)

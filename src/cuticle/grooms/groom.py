@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from cuticle._support import validate
 from cuticle._support.files import reading, write_text
 from cuticle._support.values import Value
-from cuticle.grooms import splines
+from cuticle.grooms import interpolation, splines
 
 __all__ = ["Groom", "join_grooms", "read_groom"]
 
 MAX_FOLLOWERS = 1000
+MAX_STRANDS = 10_000_000
 FARTHEST = 1e9  # the largest coordinate and radius: single precision squares lengths up to 1.8e19, and cubes of cells less
 _POSITION = np.array([1, 1, 1, 0], np.float32)  # of x y z radius
 _CLOSEST = 1e-18  # the square of a shorter step is 0 in single precision, and so is its direction
@@ -160,6 +161,55 @@ class Groom(Value):
         starts = [self.offsets[:-1] + k * len(self.points) for k in range(count + 1)]
         offsets = np.append(np.concatenate(starts), len(self.points) * (count + 1))
         return Groom(np.concatenate(parts), offsets, np.tile(self.radius, count + 1), np.tile(self.bend, (count + 1, 1, 1)))
+
+    def interpolated(
+        self,
+        strands: int,
+        *,
+        points: int | None = None,
+        clumping: float = 0.0,
+        frizz: float = 0.0,
+        length_variation: float = 0.0,
+        seed: int = 1,
+    ) -> Groom:
+        """Return full hair: `strands` strands between the groom's own, which are its guides and are not among them.
+
+        Roots are spread evenly over the surface that the guides' roots span. A strand is the barycentric mean of the three
+        guides around its root, point by point at equal shares of their lengths. Across a parting, where guides diverge by
+        35° to 70° and more, it follows the nearest alone.
+
+        Parameters
+        ----------
+        strands
+            Number of strands, 1 to 10 million.
+        points
+            Points of each, 2 to 1024, at equal steps along it. Default: those of the guide that has most.
+        clumping
+            How far a tip is drawn to the nearest guide's, linearly from the root: 0 to 1.
+        frizz
+            Standard deviation of a tip's offset by smooth noise, in lengths of the strand: 0 to 1.
+        length_variation
+            Strands are cut by random shares of their length up to this: 0 to 0.9.
+        seed
+            Seed of everything random.
+
+        Raises
+        ------
+        ValueError
+            The guides' roots span no surface: fewer than three of them differ, or all lie on a line.
+        """
+        strands = validate.integer("strands", strands, 1, MAX_STRANDS)
+        points = min(int(self.counts.max()), 1024) if points is None else validate.integer("points", points, 2, 1024)
+        made = interpolation.follow_guides(
+            interpolation.resampled(*self.control_points(), points),
+            strands,
+            clumping=validate.number("clumping", clumping, 0, 1),
+            frizz=validate.number("frizz", frizz, 0, 1),
+            length_variation=validate.number("length_variation", length_variation, 0, 0.9),
+            rng=np.random.default_rng(seed),
+        ).reshape(-1, 4)
+        radius = np.maximum(made[:, 3], 0).astype(np.float32)
+        return Groom(made[:, :3].astype(np.float32), np.arange(strands + 1) * points, radius)
 
     def control_points(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Return the control points of uniform cubic B-splines that pass through every point.

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from cuticle._support import validate
-from cuticle.grooms.groom import Groom
+from cuticle.grooms.bust import Bust
+from cuticle.grooms.groom import Groom, join_grooms
+from cuticle.grooms.interpolation import cut
 
-__all__ = ["hair_ball", "hair_head", "wavy_lock"]
+__all__ = ["hair_ball", "hair_head", "head_bust", "wavy_lock"]
 
 Array = NDArray[np.float64]
 _SKULL = np.array([0.78, 1.0, 0.92])  # half its width, height and depth; while it is made the face looks along +z
 _PART = 0.2  # where hair parts, to the right of the middle
 _CROWN = -0.25  # as far back as that
-_CLUMPS = 300  # at least
-_DRAWN = 0.85  # how far tips of a clump are drawn together
+_GUIDES, _LOCKS = 2500, 160
+_AROUND = 1.0  # what a strand over the head takes more than straight down, at most
+_DRAWN = 0.45  # how far tips of a lock are drawn together
+_FRIZZ, _FLYAWAYS = 0.01, 0.015  # a strand's offset at its tip, in lengths; the share of strands that stray further
 
 
 def hair_ball(
@@ -99,27 +105,32 @@ def wavy_lock(
     ).with_thickness(0.006 * width, 0.002 * width)
 
 
+def head_bust() -> Bust:
+    """Return the head and shoulders that `hair_head` grows on and falls about."""
+    return Bust(np.zeros(3), _SKULL, facing=-1)
+
+
 def hair_head(
-    strands: int = 30_000, *, points: int = 32, length: float = 3.2, waves: float = 3.5, frizz: float = 1.0, seed: int = 1
+    strands: int = 30_000, *, points: int = 32, length: float = 2.6, waves: float = 1.5, frizz: float = 1.0, seed: int = 1
 ) -> Groom:
     """Return long, parted hair as it falls about a head that is one unit high from its middle and looks along -z, so that
     a camera at +z sees its back. Needs no file.
 
-    Strands leave the scalp away from the parting, bend under their weight, rest on the skull and on each other, draw
-    together into clumps toward their tips and end at one hemline.
+    Guides leave the scalp away from the parting, bend under their weight, rest on head, neck and shoulders and on each
+    other, draw together into locks toward their tips and end at one hemline. Strands are interpolated between them.
 
     Parameters
     ----------
     strands
         1 to 10 million.
     points
-        Of the longest strand, 8 to 1024.
+        Of a strand, 8 to 1024.
     length
-        Of the longest strand; the hemline lies that far below the crown, less what the head takes.
+        How far below the crown the hemline lies.
     waves
-        Number of waves along a strand of that length; 0 is straight hair.
+        Number of waves along a strand over that length; 0 is straight hair.
     frizz
-        How far strands stray from their clump: 0 combed, 1 usual.
+        How far strands stray from their guides: 0 combed, 1 usual; at most 20.
     seed
         Of everything random.
     """
@@ -128,31 +139,36 @@ def hair_head(
     waves = validate.number("waves", waves, 0, 1000)
     frizz = validate.number("frizz", frizz, 0, 20)
     rng = np.random.default_rng(seed)
-    root = _scalp(strands, rng)
-    path = _fall(root, points, length, rng)
-    # Clumps: some strands are guides, toward which their neighbours are drawn.
-    guides = rng.choice(strands, max(strands // 80, min(strands, _CLUMPS)), replace=False)
-    own = cKDTree(root[guides]).query(root)[1]
-    guide = guides[own]
+    body = replace(head_bust(), facing=1)
+    root = _scalp(_GUIDES, rng)
+    longest = length + _AROUND
+    path, margin = _fall(root, points, longest, body, rng)
+    lock = rng.choice(_GUIDES, _LOCKS, replace=False)
+    middle = lock[cKDTree(root[lock]).query(root)[1]]
     s = np.linspace(0, 1, points)[None, :, None]
-    loose = np.where(rng.random((strands, 1, 1)) < 0.03 * frizz, 0.15, 1.0)  # flyaways
-    drawn = _DRAWN * loose * s**0.8
-    beside = 0.6 * (root - root[guide])[:, None, :]
-    path = path + drawn * (path[guide] + beside - path)
-    turned = 3 * np.arctan2(root[:, 0], root[:, 2])[guides] + 0.6 * rng.standard_normal(
-        len(guides)
-    )  # neighbours wave together
-    path += _waves(path, s, waves, turned[own] + 0.3 * frizz * rng.standard_normal(strands))
-    path += 0.02 * frizz * _strays(strands, s, rng) / loose
-    depth = np.linalg.norm(path / _SKULL, axis=2, keepdims=True)
-    path = path / np.clip(depth, 0.3, 1)  # what was drawn through the skull lies on it
-    # One hemline, lower at the back.
-    hem = 1 - length + 0.05 * rng.standard_normal((strands, 1)) + 0.12 * path[:, -1, 2:3]
-    counts = np.maximum((path[:, :, 1] > hem).cumprod(axis=1).sum(axis=1), 4)
-    kept = np.arange(points) < counts[:, None]
-    path *= np.array([-1.0, 1.0, -1.0])  # seen from behind
-    groom = Groom(path[kept].astype(np.float32), np.concatenate([[0], np.cumsum(counts)]), np.zeros(1, np.float32))
-    return groom.with_thickness(0.0016, 0.0006)
+    path += _DRAWN * s * (path[middle] - path)
+    # Neighbours wave together, and not all at one height: each lock on its own would catch the light as a patch, all
+    # together as a band.
+    side = np.arctan2(root[:, 0], root[:, 2])
+    path += _waves(
+        path,
+        s * longest / length,
+        waves,
+        3 * np.sin(side) + 2 * np.cos(3 * side) + 0.25 * rng.standard_normal(_GUIDES)[middle],
+    )
+    path = body.kept_out(path, np.minimum(margin, 0.25 * s[..., 0]))
+    # One hemline, lower at the back, where strands end and not at the point before.
+    above = path[:, :, 1] - (1 - length + 0.12 * path[:, :, 2])
+    last = np.maximum((above > 0).cumprod(axis=1).sum(axis=1) - 1, 1)
+    row, after = np.arange(_GUIDES), np.minimum(last + 1, points - 1)
+    rest = np.clip(above[row, last] / np.maximum(above[row, last] - above[row, after], 1e-9), 0, 1)
+    path = cut(path, (last + rest) / (points - 1)) * np.array([-1.0, 1.0, -1.0])  # seen from behind
+    guides = Groom(path.reshape(-1, 3).astype(np.float32), np.arange(_GUIDES + 1) * points, np.zeros(1, np.float32))
+    away = int(_FLYAWAYS * min(frizz, 1) * strands)
+    parts = [guides.interpolated(strands - away, clumping=0.3, frizz=_FRIZZ * frizz, length_variation=0.08, seed=seed)]
+    if away:
+        parts.append(guides.interpolated(away, frizz=4 * _FRIZZ * frizz, length_variation=0.5, seed=seed + 1))
+    return join_grooms(parts).with_thickness(0.0016, 0.0006)
 
 
 def _sizes(strands: int, points: int, least: int, most: int, **lengths: float) -> tuple[int, int]:
@@ -174,8 +190,10 @@ def _scalp(count: int, rng: np.random.Generator) -> Array:
     return np.concatenate(found)[:count] * _SKULL
 
 
-def _fall(root: Array, points: int, length: float, rng: np.random.Generator) -> Array:
-    """Strands of the full length from their roots, under their own weight, outside the skull: (strands, points, 3)."""
+def _fall(root: Array, points: int, length: float, body: Bust, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Strands of the full length from their roots, under their own weight, outside the body: (strands, points, 3), and how
+    far outside they are kept, (strands, 1).
+    """
     up = root / _SKULL**2
     up /= np.linalg.norm(up, axis=1, keepdims=True)
     top = np.clip((root[:, 1] - 0.1) / 0.6, 0, 1)[:, None]
@@ -188,7 +206,7 @@ def _fall(root: Array, points: int, length: float, rng: np.random.Generator) -> 
     direction = combed + 0.7 * up + 0.12 * rng.standard_normal(root.shape)
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     # Layers: hair from higher up lies on hair from below it.
-    shell = _SKULL * (1.03 + 0.1 * np.clip(root[:, 1:2] + 0.5, 0, 1.5) / 1.5 + 0.03 * rng.random((len(root), 1)))
+    margin = 0.03 + 0.1 * np.clip(root[:, 1:2] + 0.5, 0, 1.5) / 1.5 + 0.03 * rng.random((len(root), 1))
     step = length / (points - 1)
     position, rows = root, [root]
     weight = (5.0 + rng.random((len(root), 1))) * np.array([0.0, -1.0, 0.0])
@@ -196,17 +214,13 @@ def _fall(root: Array, points: int, length: float, rng: np.random.Generator) -> 
         direction = direction + step * weight * min(1.0, 0.35 + k / points)
         direction /= np.linalg.norm(direction, axis=1, keepdims=True)
         position = position + step * direction
-        within = position / shell
-        depth = np.linalg.norm(within, axis=1, keepdims=True)
-        inside = depth < 1
-        outward = within / shell
-        outward /= np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-9)
-        lifted = position / np.maximum(depth, 0.3)
-        position = np.where(inside, position + min(1.0, 4 * k / points) * (lifted - position), position)
-        inward = np.minimum((direction * outward).sum(axis=1, keepdims=True), 0)
-        direction = np.where(inside, direction - inward * outward, direction)
+        depth = margin[:, 0] - body.distance(position)
+        inside = depth > 0
+        outward = body.outward(position[inside])
+        position[inside] += min(1.0, 4 * k / points) * depth[inside, None] * outward
+        direction[inside] -= np.minimum((direction[inside] * outward).sum(axis=1, keepdims=True), 0) * outward
         rows.append(position)
-    return np.stack(rows, axis=1)
+    return np.stack(rows, axis=1), margin
 
 
 def _waves(path: Array, s: Array, waves: float, phase: Array) -> Array:
@@ -217,14 +231,5 @@ def _waves(path: Array, s: Array, waves: float, phase: Array) -> Array:
     outward -= (outward * along).sum(axis=2, keepdims=True) * along
     outward /= np.maximum(np.linalg.norm(outward, axis=2, keepdims=True), 1e-9)
     turn = 2 * np.pi * waves * s + phase[:, None, None]
-    size = 0.1 * (waves > 0) * np.clip(1.5 * s, 0, 1) ** 1.5
+    size = 0.06 * (waves > 0) * np.clip(1.3 * s, 0, 1) ** 1.5
     return size * (np.cos(turn) * outward + 0.8 * np.sin(turn) * np.cross(along, outward))
-
-
-def _strays(strands: int, s: Array, rng: np.random.Generator) -> Array:
-    """Smooth noise along each strand, 0 at its root."""
-    out = np.zeros((strands, s.shape[1], 3))
-    for k in range(1, 4):
-        out += rng.standard_normal((strands, 1, 3)) * np.sin(np.pi * k * s) / k
-        out += 0.5 * rng.standard_normal((strands, 1, 3)) * s
-    return out

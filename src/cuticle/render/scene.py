@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from cuticle._support import validate
 from cuticle._support.backends import check_backend
 from cuticle.fitting.fit import SAMPLINGS
+from cuticle.grooms.bust import Bust
 from cuticle.grooms.groom import Groom
 
-__all__ = ["INTEGRATORS", "LIGHTS", "Light", "View", "bsdf", "integrator", "load_scene", "mitsuba"]
+__all__ = ["INTEGRATORS", "LIGHTS", "Light", "View", "bsdf", "bust_shape", "integrator", "load_scene", "mitsuba"]
 
 LIGHTS = ("env", "studio", "area", "point", "sun")
 INTEGRATORS = ("path", "direct", "dual")
@@ -149,17 +150,32 @@ def _softboxes(axes: NDArray[np.float64], height: int = 128) -> NDArray[np.float
     v, u = np.meshgrid((np.arange(height) + 0.5) / height, (np.arange(2 * height) + 0.5) / (2 * height), indexing="ij")
     theta, phi = np.pi * v, 2 * np.pi * u
     direction = np.stack([np.sin(theta) * np.sin(phi), np.cos(theta), -np.sin(theta) * np.cos(phi)], axis=-1)
-    image = np.broadcast_to(np.array([0.10, 0.11, 0.13]), direction.shape).copy()
-    image += (0.12 * np.clip(direction @ axes[1], 0, 1))[..., None]
+    image = np.broadcast_to(np.array([0.06, 0.066, 0.078]), direction.shape).copy()
+    image += (0.08 * np.clip(direction @ axes[1], 0, 1))[..., None]
     # toward (right, up, back), half width in degrees, radiance
     for toward, width, colour in (
-        ((-0.75, 0.65, 0.55), 24, (17.0, 15.8, 14.2)),
-        ((0.95, 0.15, 0.5), 30, (1.6, 1.75, 2.0)),
-        ((0.55, 0.6, -0.9), 20, (13.0, 13.2, 14.0)),
+        ((-0.7, 0.6, 0.65), 16, (44.0, 41.0, 37.5)),
+        ((0.95, 0.15, 0.5), 30, (1.8, 1.95, 2.25)),
+        ((0.55, 0.6, -0.9), 16, (16.0, 16.2, 17.0)),
     ):
         angle = np.degrees(np.arccos(np.clip(direction @ (axes.T @ _unit(toward)), -1, 1)))
         image += (1 / (1 + np.exp((angle - width) / 1.5)))[..., None] * np.array(colour)
     return image.astype(np.float32)
+
+
+def bust_shape(mi: Any, bust: Bust, grey: float = 0.06) -> Any:
+    """Return the shape of a bust, matte grey of that reflectance."""
+    vertices, normals, triangles = bust.mesh()
+    properties = mi.Properties()
+    skin = {"type": "diffuse", "reflectance": {"type": "rgb", "value": [grey] * 3}}
+    properties["bsdf"] = mi.load_dict({"type": "twosided", "bsdf": skin})
+    mesh = mi.Mesh("bust", len(vertices), len(triangles), has_vertex_normals=True, props=properties)
+    parameters = mi.traverse(mesh)
+    parameters["vertex_positions"] = vertices.ravel().astype(np.float32)
+    parameters["vertex_normals"] = normals.ravel().astype(np.float32)
+    parameters["faces"] = triangles.ravel().astype(np.uint32)
+    parameters.update()
+    return mesh
 
 
 def bsdf(fibre: str, sampling: str = "lobes", **parameters: Any) -> dict[str, Any]:
@@ -191,6 +207,7 @@ def load_scene(
     light: Light | None = None,
     technique: dict[str, Any] | None = None,
     others: dict[str, Any] | None = None,
+    framed: Groom | None = None,
 ) -> Any:
     """Return Mitsuba's scene of a groom.
 
@@ -207,7 +224,9 @@ def load_scene(
     technique
         The integrator, a dictionary. Default: the path tracer.
     others
-        Further shapes, dictionaries by name.
+        Further shapes by name, dictionaries or objects.
+    framed
+        What the camera and the light are placed for. Default: the groom.
 
     Raises
     ------
@@ -218,7 +237,8 @@ def load_scene(
     low, high = groom.bounds
     if not (size := float((high - low).max())) >= SMALLEST:
         raise ValueError(f"the groom must be at least {SMALLEST:g} across to be rendered, got {size:.3g}; scale it up")
-    origin, target = view.place(groom)
+    framed = groom if framed is None else framed
+    origin, target = view.place(framed)
     distance = float(np.linalg.norm(origin - target))  # Mitsuba's camera sees from .01 to 10,000, in whatever unit
     camera = mi.ScalarTransform4f().look_at(origin=origin.tolist(), target=target.tolist(), up=view.axes()[1].tolist())
     with tempfile.TemporaryDirectory() as folder:
@@ -245,7 +265,7 @@ def load_scene(
                     "sampler": {"type": "independent"},
                 },
                 "hair": {"type": "bsplinecurve", "filename": str(curves), "bsdf": material},
-                "light": light.plugin(mi, groom, view),
+                "light": light.plugin(mi, framed, view),
                 **(others or {}),
             }
         )
