@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,10 +14,12 @@ from cuticle._support.progress import Progress
 from cuticle.fitting.closed_forms import DRAFT, DocumentFunctions, document_nodes
 from cuticle.fitting.closed_forms import THETA_NODES as DOCUMENT_NODES
 from cuticle.fitting.costs import traced_cost
-from cuticle.fitting.lobes import END, Points, carry, grow, make_points, node_angles, polish
+from cuticle.fitting.lobes import carry, fit_table, grow_at_start
 from cuticle.fitting.mixture import Array, loss, to_natural
-from cuticle.fitting.result import Candidate, Fit
-from cuticle.fitting.targets import OBJECTIVES, make_targets
+from cuticle.fitting.points import END, Points, make_points, node_angles
+from cuticle.fitting.result import Candidate, Fit, Worst
+from cuticle.fitting.rows import settled_rows
+from cuticle.fitting.targets import OBJECTIVES, Targets, make_targets
 from cuticle.sampling.families import FAMILIES, NORMAL
 from cuticle.sampling.lobe_table import MAX_LOBES
 from cuticle.sampling.quality import MEASURED_AT, measure
@@ -26,6 +28,7 @@ from cuticle.scattering.bcsdf import Bcsdf, check_model, strands_of
 from cuticle.scattering.by_name import provenance
 
 FORMS = ("lobes", "document")
+AUTO = "auto"  # of strand counts, those after which the shape of light no longer changes
 BEST = "best"  # of the families, the one with the highest mean ESS
 SAMPLINGS = (*FORMS, "uniform")  # what a renderer may draw from
 MAX_AUTO_LOBES = 12
@@ -35,7 +38,7 @@ def fit(
     model: Bcsdf,
     lobes: int | None = 4,
     *,
-    strands: Sequence[float] | None = None,
+    strands: Sequence[float] | str | None = None,
     form: str = "lobes",
     objective: str = "luminance",
     family: str = NORMAL,
@@ -53,7 +56,8 @@ def fit(
     lobes
         Number of lobes K, 1 to 32. None chooses K by ESS per cost of a traced sample.
     strands
-        Increasing strand counts to cover, such as [0, 1, 2, 4, 8]. Default: the model's own count.
+        Increasing strand counts to cover, such as [0, 1, 2, 4, 8], one row of the table each. "auto" covers all numbers:
+        0, 1, 2, 4, 8, 16 and, if the shape of light still changes, on to 64. Default: the model's own count.
     form
         "lobes": a mixture of K lobes. "document": the closed forms of the draft description, with `functions` and
         `defensive`.
@@ -73,7 +77,8 @@ def fit(
     Returns
     -------
     Fit
-        The sampler, and its ESS at nine viewers for each strand count, by quadrature.
+        The sampler, its ESS at nine viewers for each strand count, by quadrature, and the worst ESS that was found on and
+        between the table's nodes and rows.
 
     Raises
     ------
@@ -116,21 +121,24 @@ def fit(
         return model if n == strands_of(model) else model.with_strands(n)  # type: ignore[attr-defined]
 
     start = time.perf_counter()
-    candidates: tuple[Candidate, ...] = ()
     if form == "document":
         report("closed forms", 0.5)
         angles = np.clip(np.linspace(-np.pi / 2, np.pi / 2, DOCUMENT_NODES), -END, END)
         targets = make_targets([with_strands(n) for n in counts for _ in angles], [*angles] * len(counts), objective)
-        nodes, energy, even = document_nodes(counts, defensive, functions), targets.energy.reshape(len(counts), -1), True
+        nodes = document_nodes(counts, defensive, functions)
+        found = _Table(nodes, targets.energy.reshape(len(counts), -1), True)
+        found.weigh(
+            targets, nodes.reshape(-1, *nodes.shape[2:]), np.repeat(counts, len(angles)), np.tile(angles, len(counts))
+        )
     else:
-        nodes, energy, even, candidates = _fit_lobes(with_strands, counts, lobes, objective, family, report)
+        found = _fit_lobes(with_strands, counts, lobes, objective, family, report)
     seconds = time.perf_counter() - start
 
     about: dict[str, Any] = {"form": form, "objective": objective}
     if form == "document":
         about["functions"] = [line for lines in functions.code() for line in lines]
     about |= provenance(model)
-    sampler = Sampler(nodes, energy, counts, even, about, family)
+    sampler = Sampler(found.nodes, found.energy, counts, found.even, about, family)
     report("measuring", 0.95)
     quality = [[measure(sampler, with_strands(n), float(t), n) for t in MEASURED_AT] for n in counts]
     report("done", 1.0)
@@ -144,8 +152,27 @@ def fit(
         seconds=seconds,
         form=form,
         objective=objective,
-        candidates=candidates,
+        worst=found.worst,
+        candidates=found.candidates,
     )
+
+
+@dataclass
+class _Table:
+    """A sampler's table, and what the fit learnt on the way."""
+
+    nodes: Array
+    energy: Array
+    even: bool
+    candidates: tuple[Candidate, ...] = ()
+    worst: Worst | None = None
+
+    def weigh(self, targets: Targets, x: Array, strands: Array, theta_r: Array) -> None:
+        """Take the least ESS of parameters x for these targets as the worst, where it is."""
+        ess = 1 / (1 + 2 * loss(targets, x, bounded=False))
+        k = int(np.argmin(ess))
+        if self.worst is None or ess[k] < self.worst.ess:
+            self.worst = Worst(float(ess[k]), float(theta_r[k]), float(strands[k]))
 
 
 def _share_of(progress: Progress | None, start: float, share: float) -> Progress | None:
@@ -153,10 +180,12 @@ def _share_of(progress: Progress | None, start: float, share: float) -> Progress
     return None if progress is None else lambda phase, fraction: progress(phase, start + share * fraction)
 
 
-def _counts(model: Bcsdf, strands: Sequence[float] | None) -> tuple[float, ...]:
+def _counts(model: Any, strands: Sequence[float] | str | None) -> tuple[float, ...]:
     own = strands_of(model)
     if strands is None:
         return (own,)
+    if strands == AUTO and callable(getattr(model, "with_strands", None)):
+        return settled_rows(model)
     counts = validate.strand_counts("strands", strands)
     if counts != (own,) and not callable(getattr(model, "with_strands", None)):
         raise TypeError(f"{type(model).__name__} knows no strands: leave strands out, or give a model with with_strands(n)")
@@ -170,35 +199,26 @@ def _fit_lobes(
     objective: str,
     family: str,
     report: Progress,
-) -> tuple[Array, Array, bool, tuple[Candidate, ...]]:
+) -> _Table:
     # Direct light and light through strands have different shapes: two groups, each smooth within.
     groups = [g for g in (tuple(n for n in counts if n == 0), tuple(n for n in counts if n > 0)) if g]
     points: list[Points] = []
-    starts: list[Array] = []
     for g in groups:
         report("tabulating", 0.3 * len(points) / len(groups))
         points.append(make_points(with_strands, g, objective, family))
     candidates: tuple[Candidate, ...] = ()
     if lobes is None:
-        lobes, candidates, starts = _choose_lobes(points, report)
-    else:
-        for p in points:
-            report("growing lobes", 0.35)
-            starts.append(grow(_at_start(p), lobes)[-1])
-    tables, energies = [], []
-    for i, (p, g) in enumerate(zip(points, groups, strict=True)):
-        low, high = 0.4 + 0.55 * i / len(groups), 0.4 + 0.55 * (i + 1) / len(groups)
-        report("carrying to all viewers", low)
-        u = carry(p, starts[i], len(g))
-        u = polish(p, u, iterations=30, progress=lambda f, a=low, b=high: report("polishing", a + (b - a) * f))  # type: ignore[misc]
+        lobes, candidates = _choose_lobes(points, report)
+    tables = []
+    for i, p in enumerate(points):
+        low, width = 0.4 + 0.55 * i / len(groups), 0.55 / len(groups)
+        u = fit_table(p, lobes, lambda phase, f, a=low, b=width: report(phase, a + b * f))  # type: ignore[misc]
         tables.append(to_natural(u))
-        energies.append(_node_energy(p, len(g)))
-    return np.concatenate(tables), np.concatenate(energies), points[0].targets.even, candidates
-
-
-def _at_start(points: Points) -> Any:
-    middle = np.flatnonzero((points.node == len(node_angles()) // 2) & (points.t == 0) & (points.row == 0))[:1]
-    return points.targets.take(middle)
+    energy = np.concatenate([_node_energy(p, len(g)) for p, g in zip(points, groups, strict=True)])
+    found = _Table(np.concatenate(tables), energy, points[0].targets.even, candidates)
+    for p, x in zip(points, tables, strict=True):
+        found.weigh(p.targets, p.natural(x), p.strands, p.theta_r)
+    return found
 
 
 def _node_energy(points: Points, rows: int) -> Array:
@@ -209,21 +229,19 @@ def _node_energy(points: Points, rows: int) -> Array:
     return energy
 
 
-def _choose_lobes(points: Sequence[Points], report: Progress) -> tuple[int, tuple[Candidate, ...], list[Array]]:
+def _choose_lobes(points: Sequence[Points], report: Progress) -> tuple[int, tuple[Candidate, ...]]:
     """Weigh K = 1, 2, … by mean ESS over the cost of a traced sample, carried to all viewers but not polished."""
-    grown = [grow(_at_start(p), MAX_AUTO_LOBES) for p in points]
+    grown = [grow_at_start(p, MAX_AUTO_LOBES) for p in points]
     candidates: list[Candidate] = []
     for k in range(1, MAX_AUTO_LOBES + 1):
         report(f"weighing {k} lobes", 0.3 + 0.1 * k / MAX_AUTO_LOBES)
         values = []
         for p, fits in zip(points, grown, strict=True):
-            rows = int(p.row.max()) + 1
-            u = carry(p, fits[k - 1], rows)
-            values.append(1 / (1 + 2 * loss(p.targets, p.natural(to_natural(u)))))
+            u = carry(p, fits[k - 1])
+            values.append(1 / (1 + 2 * loss(p.targets, p.natural(to_natural(u)), bounded=False)))
         ess, cost = float(np.concatenate(values).mean()), traced_cost(k)
         candidates.append(Candidate(k, ess, cost, ess / cost))
         recent = [c.efficiency for c in candidates[-3:]]
         if len(recent) == 3 and recent[0] >= max(recent[1:]):
             break
-    best = max(candidates, key=lambda c: c.efficiency).lobes
-    return best, tuple(candidates), [fits[best - 1] for fits in grown]
+    return max(candidates, key=lambda c: c.efficiency).lobes, tuple(candidates)
