@@ -1,8 +1,8 @@
 """How well the fit does on random fibres, and whether more lobes ever do worse: ESS between nodes and rows.
 
 For each fibre and number of lobes it prints the mean and the worst ESS over viewers on and between the table's nodes and
-over strand counts on, between and past its rows; the largest weight f cos/pdf over its integral; by how much the worst viewer
-of a count falls below that of fewer lobes; and the fit's seconds of the processor. docs/sampler.md has a summary.
+over strand counts on and between its rows; the largest weight f cos/pdf over its integral; by how much the worst viewer of a
+count falls below that of fewer lobes; and the fit's seconds of the processor. docs/sampler.md has a summary.
 
 python benchmarks/random_fits.py
 python benchmarks/random_fits.py --strands 0,1,2,4,8 --lobes 4 12 16 --count 0
@@ -13,11 +13,14 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 import cuticle
+from cuticle._support.quadrature import Grid, adapted_edges, grid
+from cuticle.scattering.bcsdf import evaluate, luminance
 
 VIEWERS = np.radians([-87, -83.3, -78.75, -63.7, -41, -22.5, 3.75, 33.75, 50, 72, 82.5, 86])
 COUNTS = (0, 0.5, 1, 1.4, 3, 5, 8, 10, 12, 16, 20, 26, 32, 45, 64)
@@ -44,14 +47,37 @@ def random_fibres(count: int, seed: int) -> Iterator[tuple[str, cuticle.Fibre]]:
         )  # fmt: skip
 
 
-def qualities(sampler: cuticle.Sampler, model: cuticle.DualScattering) -> tuple[NDArray, NDArray]:
-    """Return ESS and largest weight, (counts, viewers)."""
-    found = [
-        [(q.ess, q.largest_weight) for q in (cuticle.measure(sampler, model.with_strands(n), float(t), n) for t in VIEWERS)]
-        for n in COUNTS
-    ]
-    ess, weight = np.moveaxis(np.array(found), 2, 0)
-    return ess, weight
+class Seen(NamedTuple):
+    """f cos of one viewer and count on a grid that follows it, as shares of its integral per d theta d phi."""
+
+    strands: float
+    theta_r: float
+    theta: NDArray
+    phi: NDArray
+    weights: NDArray
+    density: NDArray
+
+    def quality(self, sampler: cuticle.Sampler) -> tuple[float, float]:
+        """Return ESS and largest weight."""
+        p = sampler.pdf(self.theta[:, None], self.theta_r, self.phi, self.strands) * 2 * np.cos(self.theta)[:, None]
+        ratio = self.density / np.maximum(p, 1e-30)
+        return 1 / float((self.weights * self.density * ratio).sum()), float(ratio.max())
+
+
+def views(model: cuticle.DualScattering) -> list[Seen]:
+    """Return what all viewers see through all counts; an even function, on phi from 0 to pi."""
+    seen = []
+    for n in COUNTS:
+        own = model.with_strands(n)
+        for t in VIEWERS:
+
+            def f_cos(g: Grid, own: cuticle.DualScattering = own, t: float = float(t)) -> NDArray:
+                return luminance(evaluate(own, g.theta, t, g.phi)) * np.cos(g.theta)[:, None]
+
+            g = grid(*adapted_edges(f_cos, even=True, coarse=(150, 36), fine=(60, 40)), 2)
+            f = f_cos(g)
+            seen.append(Seen(n, float(t), g.theta, g.phi, g.weights, f / (g.weights * f).sum()))
+    return seen
 
 
 def row(fit_seconds: float, ess: NDArray, weight: NDArray, before: NDArray | None) -> str:
@@ -69,12 +95,12 @@ def compare(fibres: Sequence[tuple[str, cuticle.Fibre]], lobes: Sequence[int], s
     every: dict[int, list[tuple[float, NDArray, NDArray, NDArray | None]]] = {k: [] for k in lobes}
     for name, fibre in fibres:
         model, before = cuticle.DualScattering(fibre), None
-        model.eval(0.0, 0.0, 3.0)  # its tables are no part of the fit's time
+        seen = views(model)
         for k in lobes:
             start = time.process_time()
             sampler = cuticle.fit(model, k, strands=strands).sampler
             seconds = time.process_time() - start
-            ess, weight = qualities(sampler, model)
+            ess, weight = np.array([v.quality(sampler) for v in seen]).T.reshape(2, len(COUNTS), -1)
             every[k].append((seconds, ess, weight, before))
             print(f"| {name} | {k} | {row(*every[k][-1])}", flush=True)
             before = ess

@@ -13,6 +13,7 @@ from cuticle.fitting.mixture import Array, confine, equations, in_coordinates, l
 from cuticle.fitting.points import THETA_NODES, Points
 
 _BAD = 0.01  # ½ (1/ESS - 1) that weighs twice as much as a small one
+_PATIENCE = 3  # steps over which that is judged: two halves of a lobe part slowly at first
 _SMOOTH = 1e-5
 _LEAST_GAIN = 5e-6  # of ½ (1/ESS - 1) a point: a change of 1e-5 in ESS is not worth a step
 
@@ -102,7 +103,7 @@ def polish(points: Points, u: Array, steps: int, progress: Callable[[float], Non
     u = confine(u, points.targets.even)
     shape = u.shape
     objective = _Objective(points)
-    damping = np.full(shape[:2], 1e-3)
+    damping, reached = np.full(shape[:2], 1e-3), [np.inf]
     i = np.arange(shape[2] * shape[3])
     for taken in range(steps):
         value, g, h = objective.equations(u)
@@ -126,6 +127,8 @@ def polish(points: Points, u: Array, steps: int, progress: Callable[[float], Non
         damping[better] = np.maximum(damping[better] * 0.3, 1e-7)
         u = trial
         progress((taken + 1) / steps)
-        if value.sum() - new.sum() < max(1e-3 * new.sum(), _LEAST_GAIN * len(points.node)):
+        reached.append(float(new.sum()))
+        least = max(1e-3 * reached[-1], _LEAST_GAIN * len(points.node))
+        if taken >= _PATIENCE and reached[-1 - _PATIENCE] - reached[-1] < _PATIENCE * least:
             break
     return u
