@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,11 +15,11 @@ from cuticle.fitting.closed_forms import DRAFT, DocumentFunctions, document_node
 from cuticle.fitting.closed_forms import THETA_NODES as DOCUMENT_NODES
 from cuticle.fitting.costs import traced_cost
 from cuticle.fitting.lobes import carry, fit_table, grow_at_start
-from cuticle.fitting.mixture import Array, loss, to_natural
-from cuticle.fitting.points import END, Points, make_points, node_angles
+from cuticle.fitting.mixture import Array, ess_of, to_natural
+from cuticle.fitting.points import END, THETA_NODES, Points, make_points
 from cuticle.fitting.result import Candidate, Fit, Worst
 from cuticle.fitting.rows import settled_rows
-from cuticle.fitting.targets import OBJECTIVES, Targets, make_targets
+from cuticle.fitting.targets import OBJECTIVES, make_targets
 from cuticle.sampling.families import FAMILIES, NORMAL
 from cuticle.sampling.lobe_table import MAX_LOBES
 from cuticle.sampling.quality import MEASURED_AT, measure
@@ -32,6 +32,7 @@ AUTO = "auto"  # of strand counts, those after which the shape of light no longe
 BEST = "best"  # of the families, the one with the highest mean ESS
 SAMPLINGS = (*FORMS, "uniform")  # what a renderer may draw from
 MAX_AUTO_LOBES = 12
+_DOUBTED = 8  # places of the lowest ESS that are measured again
 
 
 def fit(
@@ -126,10 +127,9 @@ def fit(
         angles = np.clip(np.linspace(-np.pi / 2, np.pi / 2, DOCUMENT_NODES), -END, END)
         targets = make_targets([with_strands(n) for n in counts for _ in angles], [*angles] * len(counts), objective)
         nodes = document_nodes(counts, defensive, functions)
-        found = _Table(nodes, targets.energy.reshape(len(counts), -1), True)
-        found.weigh(
-            targets, nodes.reshape(-1, *nodes.shape[2:]), np.repeat(counts, len(angles)), np.tile(angles, len(counts))
-        )
+        ess = ess_of(targets, nodes.reshape(-1, *nodes.shape[2:]))
+        lowest = _lowest(ess, np.repeat(counts, len(angles)), np.tile(angles, len(counts)))
+        found = _Table(nodes, targets.energy.reshape(len(counts), -1), True, lowest)
     else:
         found = _fit_lobes(with_strands, counts, lobes, objective, family, report)
     seconds = time.perf_counter() - start
@@ -141,6 +141,13 @@ def fit(
     sampler = Sampler(found.nodes, found.energy, counts, found.even, about, family)
     report("measuring", 0.95)
     quality = [[measure(sampler, with_strands(n), float(t), n) for t in MEASURED_AT] for n in counts]
+    # The fit's own grids are coarse: places where they find a low ESS are measured again.
+    measured = [
+        Worst(q.ess, float(t), n)
+        for n, row in zip(counts, quality, strict=True)
+        for q, t in zip(row, MEASURED_AT, strict=True)
+    ]
+    worst = min(*measured, *(Worst(measure(sampler, with_strands(n), t, n).ess, t, n) for n, t in found.doubtful))
     report("done", 1.0)
     return Fit(
         sampler=sampler,
@@ -152,27 +159,23 @@ def fit(
         seconds=seconds,
         form=form,
         objective=objective,
-        worst=found.worst,
+        worst=worst,
         candidates=found.candidates,
     )
 
 
-@dataclass
-class _Table:
-    """A sampler's table, and what the fit learnt on the way."""
+class _Table(NamedTuple):
+    """A sampler's table, and what the fit learnt on the way; `doubtful` are places (strands, theta_r) of low ESS."""
 
     nodes: Array
     energy: Array
     even: bool
+    doubtful: list[tuple[float, float]]
     candidates: tuple[Candidate, ...] = ()
-    worst: Worst | None = None
 
-    def weigh(self, targets: Targets, x: Array, strands: Array, theta_r: Array) -> None:
-        """Take the least ESS of parameters x for these targets as the worst, where it is."""
-        ess = 1 / (1 + 2 * loss(targets, x, bounded=False))
-        k = int(np.argmin(ess))
-        if self.worst is None or ess[k] < self.worst.ess:
-            self.worst = Worst(float(ess[k]), float(theta_r[k]), float(strands[k]))
+
+def _lowest(ess: Array, strands: Array, theta_r: Array) -> list[tuple[float, float]]:
+    return [(float(strands[k]), float(theta_r[k])) for k in np.argsort(ess)[:_DOUBTED]]
 
 
 def _share_of(progress: Progress | None, start: float, share: float) -> Progress | None:
@@ -214,19 +217,15 @@ def _fit_lobes(
         low, width = 0.4 + 0.55 * i / len(groups), 0.55 / len(groups)
         u = fit_table(p, lobes, lambda phase, f, a=low, b=width: report(phase, a + b * f))  # type: ignore[misc]
         tables.append(to_natural(u))
-    energy = np.concatenate([_node_energy(p, len(g)) for p, g in zip(points, groups, strict=True)])
-    found = _Table(np.concatenate(tables), energy, points[0].targets.even, candidates)
-    for p, x in zip(points, tables, strict=True):
-        found.weigh(p.targets, p.natural(x), p.strands, p.theta_r)
-    return found
+    energy = np.concatenate([_node_energy(p) for p in points])
+    ess = np.concatenate([ess_of(p.targets, p.natural(x)) for p, x in zip(points, tables, strict=True)])
+    lowest = _lowest(ess, *(np.concatenate([getattr(p, name) for p in points]) for name in ("strands", "theta_r")))
+    return _Table(np.concatenate(tables), energy, points[0].targets.even, lowest, candidates)
 
 
-def _node_energy(points: Points, rows: int) -> Array:
-    energy = np.empty((rows, len(node_angles())))
-    for r, i, t, s, e in zip(points.row, points.node, points.t, points.s, points.targets.energy, strict=True):
-        if s == 0 and t in (0.0, 1.0):
-            energy[r, i + int(t)] = e
-    return energy
+def _node_energy(points: Points) -> Array:
+    on = points.on_nodes()
+    return np.array([[points.targets.energy[on[r, i]] for i in range(THETA_NODES)] for r in range(points.rows)])
 
 
 def _choose_lobes(points: Sequence[Points], report: Progress) -> tuple[int, tuple[Candidate, ...]]:
@@ -238,7 +237,7 @@ def _choose_lobes(points: Sequence[Points], report: Progress) -> tuple[int, tupl
         values = []
         for p, fits in zip(points, grown, strict=True):
             u = carry(p, fits[k - 1])
-            values.append(1 / (1 + 2 * loss(p.targets, p.natural(to_natural(u)), bounded=False)))
+            values.append(ess_of(p.targets, p.natural(to_natural(u))))
         ess, cost = float(np.concatenate(values).mean()), traced_cost(k)
         candidates.append(Candidate(k, ess, cost, ess / cost))
         recent = [c.efficiency for c in candidates[-3:]]

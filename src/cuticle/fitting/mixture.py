@@ -80,6 +80,11 @@ def loss(targets: Targets, x: Array, *, bounded: bool = True) -> Array:
     return out
 
 
+def ess_of(targets: Targets, x: Array) -> Array:
+    """Return the ESS for each target, parameters (E, 5, K), as the targets' grids see it."""
+    return 1 / (1 + 2 * loss(targets, x, bounded=False))
+
+
 def equations(targets: Targets, x: Array) -> tuple[Array, Array, Array]:
     """Return bounded loss (E,), gradient (E, 5K) and Gauss-Newton matrix (E, 5K, 5K) in natural parameters."""
     size = x.shape[-1] * 5

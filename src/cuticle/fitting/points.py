@@ -48,17 +48,11 @@ class Points:
         return int(self.row.max()) + 1
 
 
-def node_angles() -> Array:
-    """Inclinations of the table's nodes, from pole to pole."""
-    return np.linspace(-np.pi / 2, np.pi / 2, THETA_NODES)
-
-
 def make_points(with_strands: Callable[[float], Bcsdf], strands: Sequence[float], objective: str, family: str) -> Points:
     """Tabulate the targets that a fit of these strand counts looks at."""
     theta: list[tuple[int, float]] = [(i, 0.0) for i in range(THETA_NODES - 1)] + [(THETA_NODES - 2, 1.0)]
     for i in range(THETA_NODES - 1):
         theta += [(i, t) for t in (_BETWEEN_AT_ENDS if i in (0, THETA_NODES - 2) else (0.5,))]
-    between = [x for x in theta if x[1] in (0.0, 1.0)] + [(i, 0.5) for i in range(0, THETA_NODES - 1, 2)]
     places: list[tuple[int, float, int, float, float, float]] = []
     models = []
     step = np.pi / (THETA_NODES - 1)
@@ -74,7 +68,7 @@ def make_points(with_strands: Callable[[float], Bcsdf], strands: Sequence[float]
             add(i, fraction, j, 0.0, model)
         if j + 1 < len(strands) and n > 0:  # between 0 and the next count the sampler mixes; nothing to interpolate
             middle = with_strands(0.5 * (n + strands[j + 1]))
-            for i, fraction in between:
+            for i, fraction in theta:
                 add(i, fraction, j, 0.5, middle)
     node, t, row, s, theta_r, counts = (np.array(column) for column in zip(*places, strict=True))
     return Points(node, t, row, s, theta_r, counts, make_targets(models, list(theta_r), objective, family))

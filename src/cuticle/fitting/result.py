@@ -32,7 +32,7 @@ class Candidate(NamedTuple):
 
 
 class Worst(NamedTuple):
-    """The least ESS that a fit found on and between its table's nodes and rows, and where: radians, strands."""
+    """The least ESS that a fit found on and between its table's nodes and rows, and where (radians, strands)."""
 
     ess: float
     theta_r: float
