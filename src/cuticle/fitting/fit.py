@@ -58,7 +58,8 @@ def fit(
         Number of lobes K, 1 to 32. None chooses K by ESS per cost of a traced sample.
     strands
         Increasing strand counts to cover, such as [0, 1, 2, 4, 8], one row of the table each. "auto" covers all numbers:
-        0, 1, 2, 4, 8, 16 and, if the shape of light still changes, on to 64. Default: the model's own count.
+        0, 1, 2, 4, 8, 16, more where the shape of light changes fast, and up to 64 where it still changes. Default: the
+        model's own count.
     form
         "lobes": a mixture of K lobes. "document": the closed forms of the draft description, with `functions` and
         `defensive`.
