@@ -188,10 +188,11 @@ def _counts(model: Any, strands: Sequence[float] | str | None) -> tuple[float, .
     own = strands_of(model)
     if strands is None:
         return (own,)
-    if strands == AUTO and callable(getattr(model, "with_strands", None)):
+    many = callable(getattr(model, "with_strands", None))
+    if strands == AUTO and many:
         return settled_rows(model)
-    counts = validate.strand_counts("strands", strands)
-    if counts != (own,) and not callable(getattr(model, "with_strands", None)):
+    counts = None if strands == AUTO else validate.strand_counts("strands", strands)
+    if counts is None or (counts != (own,) and not many):
         raise TypeError(f"{type(model).__name__} knows no strands: leave strands out, or give a model with with_strands(n)")
     return counts
 
