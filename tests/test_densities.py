@@ -179,8 +179,9 @@ def test_tables_of_every_family(family: str, even: bool) -> None:
 
 @pytest.mark.parametrize("family", _core.lobe_families)
 @pytest.mark.parametrize("even", [True, False])
-def test_a_fits_derivatives_of_every_family(family: str, even: bool) -> None:
-    """The gradient of the loss beside its differences."""
+@pytest.mark.parametrize("price", [0.0, 1.0])
+def test_a_fits_derivatives_of_every_family(family: str, even: bool, price: float) -> None:
+    """The gradient of the loss beside its differences, without and with a price of ratios above 1/2."""
     nodes, weights = np.polynomial.legendre.leggauss(60)
     theta, d_theta = nodes[None] * np.pi / 2, weights[None] * np.pi / 2
     phi, d_phi = (nodes[None] + 1) * np.pi / 2, weights[None] * np.pi / 2
@@ -191,7 +192,7 @@ def test_a_fits_derivatives_of_every_family(family: str, even: bool) -> None:
     def loss(parameters: np.ndarray, gradient: np.ndarray, hessian: np.ndarray) -> float:
         out = np.empty(1)
         _core.normal_equations(
-            target, theta, d_theta, phi, d_phi, parameters[None], even, out, gradient, hessian, family=family
+            target, theta, d_theta, phi, d_phi, parameters[None], even, 0.5, price, out, gradient, hessian, family=family
         )
         return float(out[0])
 
@@ -208,5 +209,5 @@ def test_a_family_that_is_none_is_refused() -> None:
     x = np.ones((1, 1, 1))
     with pytest.raises(ValueError, match='no family of lobes is called "cauchy"'):
         _core.normal_equations(
-            x, x, x, x, x, np.ones((1, 5, 1)), True, np.empty(1), np.empty(0), np.empty(0), family="cauchy"
+            x, x, x, x, x, np.ones((1, 5, 1)), True, 1.0, 0.0, np.empty(1), np.empty(0), np.empty(0), family="cauchy"
         )

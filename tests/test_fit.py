@@ -7,6 +7,7 @@ import pytest
 
 import cuticle
 from cuticle import DualScattering, Fibre, Marschner, fit, measure
+from cuticle.fitting.rows import settled_rows
 
 BETWEEN = np.radians([-73.1, -52, -33.75, -11, 3.75, 26, 41.2, 63.7, 74.9])
 
@@ -77,6 +78,58 @@ def test_ess_is_what_quadrature_of_another_kind_gives(document_model: DualScatte
 def test_more_lobes_are_better(document_model: DualScattering) -> None:
     means = [fit(document_model, k).summary[0][1] for k in (1, 2, 4)]
     assert means[0] < means[1] < means[2]
+
+
+# On which eight lobes once did worse than four, by .07 through one strand at -83.3°.
+TILTED = Fibre(
+    alpha_R=3.8035647528376035, beta_R=6.865855388280174, beta_N=20.035567641838835, eta=1.4348309590403527,
+    sigma_a=(4.140462103699315, 2.0372631817897005, 1.2203469554889044),
+)  # fmt: skip
+
+
+def test_more_lobes_do_no_worse_anywhere() -> None:
+    model = DualScattering(TILTED, 1)
+    worst = []
+    for k in (2, 4, 8):
+        sampler = fit(model, k).sampler
+        worst.append(min(measure(sampler, model, float(t), 1).ess for t in np.radians([-83.3, -63.7, -22.5, 41, 75.2])))
+    assert worst[1] >= max(0.98, worst[0] - 0.001)
+    assert worst[2] >= max(0.99, worst[1] - 0.001)
+
+
+@pytest.mark.parametrize("fibre", [Fibre.preset("black"), TILTED], ids=["black", "tilted"])
+def test_weights_are_bounded(fibre: Fibre) -> None:
+    """Without a price of their own, the largest were 3e5 and 4e6, far out, where hardly any energy is."""
+    model = DualScattering(fibre)
+    sampler = fit(model, 4).sampler
+    assert max(measure(sampler, model, float(t), 0).largest_weight for t in BETWEEN) <= 50
+
+
+def test_rows_go_on_to_where_the_shape_settles() -> None:
+    assert settled_rows(DualScattering(Fibre.preset("blond"))) == (0, 1, 2, 4, 8, 16)
+    assert settled_rows(DualScattering(Fibre.preset("black"))) == (0, 1, 2, 4, 8, 12, 16)
+    assert settled_rows(DualScattering(Fibre.preset("document")))[-2:] == (32, 64)  # zinke2008 widens on and on
+
+
+def test_many_strands() -> None:
+    """Black hair's light changes most from 8 to 16 strands: the shape of 8 has an ESS of .38 there."""
+    model = DualScattering(Fibre.preset("black"))
+    sampler = fit(model, 4, strands=(8, 12, 16)).sampler
+    for n in (9, 14, 64):
+        assert (
+            min(measure(sampler, model.with_strands(n), float(t), n).ess for t in np.radians([-60, -22.5, 3.75, 41])) >= 0.98
+        )
+
+
+def test_the_worst_is_what_quadrature_of_another_grid_gives(
+    document_model: DualScattering, document_fit: cuticle.Fit
+) -> None:
+    worst = document_fit.worst
+    assert worst is not None
+    again = measure(document_fit.sampler, document_model.with_strands(worst.strands), worst.theta_r, worst.strands).ess
+    assert worst.ess == pytest.approx(again, abs=1e-3)
+    assert worst.ess <= document_fit.ess.min() + 1e-3
+    assert f"{worst.ess:.4f}, at theta_r" in repr(document_fit)
 
 
 def test_document_form(document_model: DualScattering) -> None:
@@ -152,6 +205,8 @@ class Flat:
         (lambda m: fit(m, form="document", defensive=1.0), "defensive must be in [0, 0.99], got 1"),
         (lambda m: fit("brown"), "model must have eval(theta_i, theta_r, phi), got str"),
         (lambda m: fit(Marschner(Fibre.preset("black")), strands=[0, 1]), "Marschner knows no strands"),
+        (lambda m: fit(Marschner(Fibre.preset("black")), strands="auto"), "Marschner knows no strands"),
+        (lambda m: fit(m, strands="all"), "strands must be a list of counts such as [0, 1, 2, 4, 8], got 'all'"),
         (lambda m: fit(Nan()), "model.eval must be finite and at least 0, got nan"),
         (lambda m: fit(Dark()), "there is nothing to sample"),
         (lambda m: fit(Flat()), "model.eval must return shape"),

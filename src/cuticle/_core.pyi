@@ -53,7 +53,7 @@ def periodic_normal(function: int, x: NDArray, mean: NDArray, sigma: NDArray, ou
 def even_normal(function: int, x: NDArray, mean: NDArray, sigma: NDArray, out: NDArray) -> None: ...
 def normal_equations(
     q: NDArray, theta: NDArray, theta_weight: NDArray, phi: NDArray, phi_weight: NDArray, parameters: NDArray, even: bool,
-    loss: NDArray, gradient: NDArray, hessian: NDArray, family: str = "normal"
+    allowed: float, price: float, loss: NDArray, gradient: NDArray, hessian: NDArray, family: str = "normal"
 ) -> None: ...  # fmt: skip
 
 lobe_families: tuple[str, ...]

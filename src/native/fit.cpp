@@ -11,6 +11,9 @@
 
 #include <nanobind/stl/string.h>
 
+#include <algorithm>
+#include <cmath>
+#include <numeric>
 #include <string>
 #include <vector>
 
@@ -49,24 +52,48 @@ constexpr Parameter products[] = {{cuticle::lobe_weight, value_of, value_of},
                                   {cuticle::lobe_sigma_theta, by_sigma, value_of},
                                   {cuticle::lobe_sigma_phi, value_of, by_sigma}};
 
+constexpr std::size_t abreast = 4, wide = 8;  // rows and columns whose sums the registers hold
+
+constexpr std::size_t whole(std::size_t count, std::size_t of) { return (count + of - 1) / of * of; }
+
+// out (abreast, columns) = left (abreast, inner) right (inner, columns); columns come in multiples of `wide`.
+void multiply(const double *left, const double *right, std::size_t inner, std::size_t columns, double *out) {
+    for (std::size_t c = 0; c < columns; c += wide) {
+        using Lanes = cuticle::Pack<double, wide>;
+        Lanes sum[abreast] = {Lanes(0), Lanes(0), Lanes(0), Lanes(0)};
+        for (std::size_t b = 0; b < inner; ++b) {
+            const Lanes r = cuticle::load_pack<double, wide>(right + b * columns + c);
+            for (std::size_t i = 0; i < abreast; ++i) sum[i] = sum[i] + Lanes(left[i * inner + b]) * r;
+        }
+        for (std::size_t i = 0; i < abreast; ++i)
+            for (std::size_t n = 0; n < wide; ++n) out[i * columns + c + n] = sum[i][static_cast<int>(n)];
+    }
+}
+
 // For each of E viewer angles: q (E, A, B), its grid theta (E, A) and phi (E, B) with quadrature weights, parameters
-// (E, lobe_parameters, K). Out: loss (E) = ½ ∫ (q - p)²/p, gradient (E, P), hessian (E, P, P), P = lobe_parameters K.
-// With an empty hessian only the loss is computed.
+// (E, lobe_parameters, K). Out: loss (E) = ½ ∫ (q - p)²/p + ½ price mean of ln²(q/(allowed p)) where q > allowed p, gradient
+// (E, P), hessian (E, P, P), P = lobe_parameters K. With an empty hessian only the loss is computed.
 //
-// Each parameter's derivative is a product of a function of theta and one of phi, of which there are only 3 K, so the
-// sums over phi are made once for those 3 K and spread over the P parameters row by row.
+// The first term hardly sees how large q/p gets where q is small. The second bounds it: by its logarithm, which for lobes of
+// normals is a polynomial of their parameters, and linearly from `steepest` on, so that no far point rules the rest.
+//
+// Each parameter's derivative is a product of a function of theta and one of phi, of which there are only 3 K. The sums over
+// phi are made for those 3 K and their products, a few thetas at a time, and spread over the P parameters theta by theta.
 template <class Family>
 void normal_equations(const In<double> &q, const In<double> &theta, const In<double> &theta_weight, const In<double> &phi,
-                      const In<double> &phi_weight, const In<double> &parameters, bool even, Out<double> loss,
-                      Out<double> gradient, Out<double> hessian) {
+                      const In<double> &phi_weight, const In<double> &parameters, bool even, double allowed, double price,
+                      Out<double> loss, Out<double> gradient, Out<double> hessian) {
     const std::size_t evaluations = q.shape(0), na = q.shape(1), nb_ = q.shape(2), lobes = parameters.shape(2);
     const std::size_t size = cuticle::lobe_parameters * lobes, kinds = factors * lobes;
+    const std::size_t singles = whole(kinds, wide), pairs = whole(kinds * (kinds + 1) / 2, wide);
     const bool derivatives = hessian.size() > 0;
     const double least = 1e-30;  // keeps q²/p finite where every lobe has died out
+    const double steepest = 3;
     parallel_for(evaluations, 1, [&](std::size_t begin, std::size_t end) {
-        // Factors by theta and by phi, [factor][lobe][point]; those by phi once more by point: [point][factor][lobe].
-        std::vector<double> t(kinds * na), f(kinds * nb_), by_point(kinds * nb_), wrapped(nb_), p(nb_), slope(nb_),
-            curvature(nb_), first(kinds), second(kinds * kinds), scale(size);
+        // Factors by theta and by phi, [factor][lobe][point]; those by phi and their products by point: [point][pair].
+        std::vector<double> t(kinds * na), f(kinds * nb_), single(nb_ * singles), pair(nb_ * pairs), wrapped(nb_), p(nb_),
+            slope(abreast * nb_), curvature(abreast * nb_), first(abreast * singles), packed(abreast * pairs),
+            second(kinds * kinds), scale(size);
         std::vector<std::size_t> kind(size);
         for (std::size_t e = begin; e < end; ++e) {
             const double *x = parameters.data() + e * size;
@@ -85,8 +112,12 @@ void normal_equations(const In<double> &q, const In<double> &theta, const In<dou
                 with_derivatives<Family>(mean, sigma, even ? 0 : mean - pi, even ? pi : mean + pi, !even, wrapped.data(),
                                          nb_, part(f, value_of, nb_), part(f, by_mean, nb_), part(f, by_sigma, nb_));
             }
-            for (std::size_t m = 0; derivatives && m < kinds; ++m)
-                for (std::size_t b = 0; b < nb_; ++b) by_point[b * kinds + m] = f[m * nb_ + b];
+            for (std::size_t b = 0; derivatives && b < nb_; ++b) {
+                double *g = &single[b * singles], *product = &pair[b * pairs];
+                for (std::size_t m = 0; m < kinds; ++m) g[m] = f[m * nb_ + b];
+                for (std::size_t m = 0; m < kinds; product += ++m)
+                    for (std::size_t n = 0; n <= m; ++n) product[n] = g[m] * g[n];
+            }
             for (const Parameter &d : products)
                 for (std::size_t k = 0; k < lobes; ++k)
                     kind[d.parameter * lobes + k] = static_cast<std::size_t>(d.phi) * lobes + k;
@@ -97,9 +128,12 @@ void normal_equations(const In<double> &q, const In<double> &theta, const In<dou
                 std::fill(out_g, out_g + size, 0.);
                 std::fill(out_h, out_h + size * size, 0.);
             }
-            for (std::size_t a = 0; a < na; ++a) {
-                const double *target = q.data() + (e * na + a) * nb_, *weight = phi_weight.data() + e * nb_;
-                const double row_weight = theta_weight.data()[e * na + a];
+            const double *column_weights = phi_weight.data() + e * nb_, *row_weights = theta_weight.data() + e * na;
+            const double share = price / (std::accumulate(row_weights, row_weights + na, 0.) *
+                                          std::accumulate(column_weights, column_weights + nb_, 0.));
+            // The loss of theta `a`, with the derivatives' factors.
+            const auto residuals = [&](std::size_t a, double *slopes, double *curvatures) {
+                const double *target = q.data() + (e * na + a) * nb_;
                 std::fill(p.begin(), p.end(), least);
                 for (std::size_t k = 0; k < lobes; ++k) {
                     const double w = x[k] * t[k * na + a];
@@ -107,38 +141,44 @@ void normal_equations(const In<double> &q, const In<double> &theta, const In<dou
                 }
                 double sum = 0;
                 for (std::size_t b = 0; b < nb_; ++b) {
-                    const double r = target[b] / p[b];
-                    sum += weight[b] * (r - 1) * (r - 1) * p[b];
-                    slope[b] = -.5 * row_weight * weight[b] * (r * r - 1);
-                    curvature[b] = .25 * row_weight * weight[b] * (r + 1) * (r + 1) / p[b];
-                }
-                total += .5 * row_weight * sum;
-                if (!derivatives) continue;
-                std::fill(first.begin(), first.end(), 0.);
-                std::fill(second.begin(), second.end(), 0.);
-                for (std::size_t b = 0; b < nb_; ++b) {
-                    const double *g = &by_point[b * kinds];
-                    for (std::size_t m = 0; m < kinds; ++m) first[m] += slope[b] * g[m];
-                    for (std::size_t m = 0; m < kinds; ++m) {
-                        const double c = curvature[b] * g[m];
-                        double *row = &second[m * kinds];
-                        // The lower triangle, rounded up to whole vectors.
-                        const std::size_t stop = std::min(kinds, (m / 8 + 1) * 8);
-                        for (std::size_t n = 0; n < stop; ++n) row[n] += c * g[n];
+                    const double r = target[b] / p[b], weight = row_weights[a] * column_weights[b];
+                    sum += .5 * weight * (r - 1) * (r - 1) * p[b];
+                    slopes[b] = -.5 * weight * (r * r - 1);
+                    curvatures[b] = .25 * weight * (r + 1) * (r + 1) / p[b];
+                    if (r > allowed) {
+                        const double excess = std::log(r / allowed), steep = std::min(excess, steepest);
+                        sum += .5 * share * weight * steep * (2 * excess - steep);
+                        slopes[b] -= share * weight * steep / p[b];
+                        curvatures[b] += share * weight * steep / (excess * p[b] * p[b]);
                     }
                 }
-                for (std::size_t m = 0; m < kinds; ++m)
-                    for (std::size_t n = 0; n < m; ++n) second[n * kinds + m] = second[m * kinds + n];
+                return sum;
+            };
+            // Adds what theta `a` gives to gradient and hessian, whose lower triangle is filled.
+            const auto spread = [&](std::size_t a, const double *by_single, const double *by_pair) {
+                for (std::size_t m = 0; m < kinds; by_pair += ++m)
+                    for (std::size_t n = 0; n <= m; ++n) second[m * kinds + n] = second[n * kinds + m] = by_pair[n];
                 for (const Parameter &d : products)
                     for (std::size_t k = 0; k < lobes; ++k)
                         scale[d.parameter * lobes + k] =
                             (d.parameter == cuticle::lobe_weight ? 1 : x[k]) * t[(d.theta * lobes + k) * na + a];
                 for (std::size_t j = 0; j < size; ++j) {
-                    out_g[j] += scale[j] * first[kind[j]];
+                    out_g[j] += scale[j] * by_single[kind[j]];
                     double *h = out_h + j * size;
-                    const double *row = &second[kind[j] * kinds];
-                    for (std::size_t l = 0; l <= j; ++l) h[l] += scale[j] * scale[l] * row[kind[l]];
+                    const double own = scale[j], *row = &second[kind[j] * kinds];
+                    for (std::size_t l = 0; l <= j; l += lobes) {  // whole parameters, past the diagonal too
+                        const double *other = &scale[l], *shared = row + kind[l];
+                        for (std::size_t k = 0; k < lobes; ++k) h[l + k] += own * other[k] * shared[k];
+                    }
                 }
+            };
+            for (std::size_t a = 0; a < na; a += abreast) {
+                const std::size_t count = std::min(abreast, na - a);
+                for (std::size_t i = 0; i < count; ++i) total += residuals(a + i, &slope[i * nb_], &curvature[i * nb_]);
+                if (!derivatives) continue;
+                multiply(slope.data(), single.data(), nb_, singles, first.data());
+                multiply(curvature.data(), pair.data(), nb_, pairs, packed.data());
+                for (std::size_t i = 0; i < count; ++i) spread(a + i, &first[i * singles], &packed[i * pairs]);
             }
             loss.data()[e] = total;
             if (derivatives)
@@ -154,15 +194,15 @@ void bind_fit(nb::module_ &m) {
     m.def(
         "normal_equations",
         [](const In<double> &q, const In<double> &theta, const In<double> &theta_weight, const In<double> &phi,
-           const In<double> &phi_weight, const In<double> &parameters, bool even, Out<double> loss, Out<double> gradient,
-           Out<double> hessian, const std::string &family) {
+           const In<double> &phi_weight, const In<double> &parameters, bool even, double allowed, double price,
+           Out<double> loss, Out<double> gradient, Out<double> hessian, const std::string &family) {
             with_family(family, [&](auto lobes) {
-                normal_equations<decltype(lobes)>(q, theta, theta_weight, phi, phi_weight, parameters, even, loss, gradient,
-                                                  hessian);
+                normal_equations<decltype(lobes)>(q, theta, theta_weight, phi, phi_weight, parameters, even, allowed, price,
+                                                  loss, gradient, hessian);
             });
         },
         nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(),
-        nb::arg("family") = "normal", nb::call_guard<nb::gil_scoped_release>());
+        nb::arg(), nb::arg(), nb::arg("family") = "normal", nb::call_guard<nb::gil_scoped_release>());
 }
 
 }  // namespace native

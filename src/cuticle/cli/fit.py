@@ -13,13 +13,14 @@ from cuticle._support import validate
 from cuticle._support.files import check_directory, filling, write_text
 from cuticle.cli.tables import fit_table
 from cuticle.cli.terminal import JsonOption, ModelArgument, ParametersArgument, out, progress_bar, read_strands, refuse_idle
-from cuticle.fitting.fit import BEST, FORMS, fit
+from cuticle.fitting.fit import AUTO, BEST, FORMS, fit
 from cuticle.fitting.result import Fit, fit_summary
 from cuticle.fitting.targets import OBJECTIVES
 from cuticle.sampling.families import FAMILIES, NORMAL
 from cuticle.sampling.lobe_table import MAX_LOBES
 from cuticle.sampling.quality import channel_bounds
 from cuticle.scattering.among_strands import Strands
+from cuticle.scattering.bcsdf import with_strands
 from cuticle.scattering.by_name import read_model
 from cuticle.scattering.chiang import Chiang
 from cuticle.scattering.dual_scattering import DualScattering
@@ -34,7 +35,11 @@ def command(
     parameters: ParametersArgument = None,
     strands: Annotated[
         str | None,
-        typer.Option(metavar="N,N,…", help="Strand counts to cover; 0 is direct light. Default for a fibre: 0,1,2,4,8."),
+        typer.Option(
+            metavar="N,N,…|auto",
+            help="Strand counts to cover; 0 is direct light. auto, the default for a fibre, covers all numbers: 0,1,2,4,8,16"
+            " and more where the shape of light still changes.",
+        ),
     ] = None,
     lobes: Annotated[
         str, typer.Option(metavar="K|auto", help=f"Number of lobes, 1 to {MAX_LOBES}; auto chooses by ESS per cost.")
@@ -48,7 +53,7 @@ def command(
     """Fit a sampler to a fibre, a table of values or a Mitsuba material."""
     start = time.perf_counter()
     number = _lobes(lobes)
-    counts = None if strands is None else read_strands(strands)
+    counts = strands if strands is None or strands == AUTO else read_strands(strands)
     validate.choice("--form", form, FORMS)
     validate.choice("--objective", objective, OBJECTIVES)
     validate.choice("--family", family, (*FAMILIES, BEST))
@@ -60,7 +65,7 @@ def command(
     with progress_bar(json_output) as progress:
         parsed = read_model(model, parameters or (), progress=progress)
     if counts is None and isinstance(parsed, DualScattering):
-        counts = (0.0, 1.0, 2.0, 4.0, 8.0)
+        counts = AUTO
     if counts is not None and not hasattr(parsed, "with_strands"):
         parsed = Strands(parsed)
     check_directory(output)
@@ -80,13 +85,13 @@ def command(
         return
     out.print(fit_table(result, whole))
     if result.ess_channels.shape[2] > 1:
-        _tell_bounds(result, parsed, counts)
+        _tell_bounds(result, parsed)
     out.print(f"wrote {', '.join(str(output / name) for name in ('sampler.json', 'fit.json', *beside))}", soft_wrap=True)
 
 
-def _tell_bounds(result: Fit, model: Any, counts: tuple[float, ...] | None) -> None:
+def _tell_bounds(result: Fit, model: Any) -> None:
     """Print the ESS of the worst channel beside its bounds, at the first strand count."""
-    first = model.with_strands(counts[0]) if counts else model
+    first = with_strands(model, result.sampler.strands[0])
     limits = [channel_bounds(first, float(t)) for t in result.theta_r]
     found = float(result.ess_channels[0].min())
     rgb, worst = min(min(b.rgb) for b in limits), min(b.worst for b in limits)

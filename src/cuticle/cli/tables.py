@@ -37,6 +37,7 @@ def channels_text(channels: NDArray[np.float64]) -> str:
 def fit_table(result: Fit, whole: float | None = None) -> Table:
     """Return the table of ESS by strand count and viewer; `whole` is the time of all the work in seconds."""
     caption = f"fitted in {result.seconds:.2f} s" + ("" if whole is None else f", {whole:.1f} s in all")
+    caption += f"; {result.worst_text}" if result.worst else ""
     if result.candidates:
         caption += f"; {result.sampler.lobes} lobes: the fewest past which ESS per cost of a traced sample stops growing"
     grid = table(f"ESS: {result.form}, {result.sampler.lobes} lobes, objective {result.objective}", caption=caption)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,9 +14,11 @@ from cuticle._support.progress import Progress
 from cuticle.fitting.closed_forms import DRAFT, DocumentFunctions, document_nodes
 from cuticle.fitting.closed_forms import THETA_NODES as DOCUMENT_NODES
 from cuticle.fitting.costs import traced_cost
-from cuticle.fitting.lobes import END, Points, carry, grow, make_points, node_angles, polish
-from cuticle.fitting.mixture import Array, loss, to_natural
-from cuticle.fitting.result import Candidate, Fit
+from cuticle.fitting.lobes import carry, fit_table, grow_at_start
+from cuticle.fitting.mixture import Array, ess_of, to_natural
+from cuticle.fitting.points import END, THETA_NODES, Points, make_points
+from cuticle.fitting.result import Candidate, Fit, Worst
+from cuticle.fitting.rows import settled_rows
 from cuticle.fitting.targets import OBJECTIVES, make_targets
 from cuticle.sampling.families import FAMILIES, NORMAL
 from cuticle.sampling.lobe_table import MAX_LOBES
@@ -26,16 +28,18 @@ from cuticle.scattering.bcsdf import Bcsdf, check_model, strands_of
 from cuticle.scattering.by_name import provenance
 
 FORMS = ("lobes", "document")
+AUTO = "auto"  # of strand counts, those after which the shape of light no longer changes
 BEST = "best"  # of the families, the one with the highest mean ESS
 SAMPLINGS = (*FORMS, "uniform")  # what a renderer may draw from
 MAX_AUTO_LOBES = 12
+_DOUBTED = 8  # places of the lowest ESS that are measured again
 
 
 def fit(
     model: Bcsdf,
     lobes: int | None = 4,
     *,
-    strands: Sequence[float] | None = None,
+    strands: Sequence[float] | str | None = None,
     form: str = "lobes",
     objective: str = "luminance",
     family: str = NORMAL,
@@ -53,7 +57,9 @@ def fit(
     lobes
         Number of lobes K, 1 to 32. None chooses K by ESS per cost of a traced sample.
     strands
-        Increasing strand counts to cover, such as [0, 1, 2, 4, 8]. Default: the model's own count.
+        Increasing strand counts to cover, such as [0, 1, 2, 4, 8], one row of the table each. "auto" covers all numbers:
+        0, 1, 2, 4, 8, 16, more where the shape of light changes fast, and up to 64 where it still changes. Default: the
+        model's own count.
     form
         "lobes": a mixture of K lobes. "document": the closed forms of the draft description, with `functions` and
         `defensive`.
@@ -73,7 +79,8 @@ def fit(
     Returns
     -------
     Fit
-        The sampler, and its ESS at nine viewers for each strand count, by quadrature.
+        The sampler, its ESS at nine viewers for each strand count, by quadrature, and the worst ESS that was found on and
+        between the table's nodes and rows.
 
     Raises
     ------
@@ -116,23 +123,32 @@ def fit(
         return model if n == strands_of(model) else model.with_strands(n)  # type: ignore[attr-defined]
 
     start = time.perf_counter()
-    candidates: tuple[Candidate, ...] = ()
     if form == "document":
         report("closed forms", 0.5)
         angles = np.clip(np.linspace(-np.pi / 2, np.pi / 2, DOCUMENT_NODES), -END, END)
         targets = make_targets([with_strands(n) for n in counts for _ in angles], [*angles] * len(counts), objective)
-        nodes, energy, even = document_nodes(counts, defensive, functions), targets.energy.reshape(len(counts), -1), True
+        nodes = document_nodes(counts, defensive, functions)
+        ess = ess_of(targets, nodes.reshape(-1, *nodes.shape[2:]))
+        lowest = _lowest(ess, np.repeat(counts, len(angles)), np.tile(angles, len(counts)))
+        found = _Table(nodes, targets.energy.reshape(len(counts), -1), True, lowest)
     else:
-        nodes, energy, even, candidates = _fit_lobes(with_strands, counts, lobes, objective, family, report)
+        found = _fit_lobes(with_strands, counts, lobes, objective, family, report)
     seconds = time.perf_counter() - start
 
     about: dict[str, Any] = {"form": form, "objective": objective}
     if form == "document":
         about["functions"] = [line for lines in functions.code() for line in lines]
     about |= provenance(model)
-    sampler = Sampler(nodes, energy, counts, even, about, family)
+    sampler = Sampler(found.nodes, found.energy, counts, found.even, about, family)
     report("measuring", 0.95)
     quality = [[measure(sampler, with_strands(n), float(t), n) for t in MEASURED_AT] for n in counts]
+    # The fit's own grids are coarse: places where they find a low ESS are measured again.
+    measured = [
+        Worst(q.ess, float(t), n)
+        for n, row in zip(counts, quality, strict=True)
+        for q, t in zip(row, MEASURED_AT, strict=True)
+    ]
+    worst = min(*measured, *(Worst(measure(sampler, with_strands(n), t, n).ess, t, n) for n, t in found.doubtful))
     report("done", 1.0)
     return Fit(
         sampler=sampler,
@@ -144,8 +160,23 @@ def fit(
         seconds=seconds,
         form=form,
         objective=objective,
-        candidates=candidates,
+        worst=worst,
+        candidates=found.candidates,
     )
+
+
+class _Table(NamedTuple):
+    """A sampler's table, and what the fit learnt on the way; `doubtful` are places (strands, theta_r) of low ESS."""
+
+    nodes: Array
+    energy: Array
+    even: bool
+    doubtful: list[tuple[float, float]]
+    candidates: tuple[Candidate, ...] = ()
+
+
+def _lowest(ess: Array, strands: Array, theta_r: Array) -> list[tuple[float, float]]:
+    return [(float(strands[k]), float(theta_r[k])) for k in np.argsort(ess)[:_DOUBTED]]
 
 
 def _share_of(progress: Progress | None, start: float, share: float) -> Progress | None:
@@ -153,12 +184,15 @@ def _share_of(progress: Progress | None, start: float, share: float) -> Progress
     return None if progress is None else lambda phase, fraction: progress(phase, start + share * fraction)
 
 
-def _counts(model: Bcsdf, strands: Sequence[float] | None) -> tuple[float, ...]:
+def _counts(model: Any, strands: Sequence[float] | str | None) -> tuple[float, ...]:
     own = strands_of(model)
     if strands is None:
         return (own,)
-    counts = validate.strand_counts("strands", strands)
-    if counts != (own,) and not callable(getattr(model, "with_strands", None)):
+    many = callable(getattr(model, "with_strands", None))
+    if strands == AUTO and many:
+        return settled_rows(model)
+    counts = None if strands == AUTO else validate.strand_counts("strands", strands)
+    if counts is None or (counts != (own,) and not many):
         raise TypeError(f"{type(model).__name__} knows no strands: leave strands out, or give a model with with_strands(n)")
     return counts
 
@@ -170,60 +204,45 @@ def _fit_lobes(
     objective: str,
     family: str,
     report: Progress,
-) -> tuple[Array, Array, bool, tuple[Candidate, ...]]:
+) -> _Table:
     # Direct light and light through strands have different shapes: two groups, each smooth within.
     groups = [g for g in (tuple(n for n in counts if n == 0), tuple(n for n in counts if n > 0)) if g]
     points: list[Points] = []
-    starts: list[Array] = []
     for g in groups:
         report("tabulating", 0.3 * len(points) / len(groups))
         points.append(make_points(with_strands, g, objective, family))
     candidates: tuple[Candidate, ...] = ()
     if lobes is None:
-        lobes, candidates, starts = _choose_lobes(points, report)
-    else:
-        for p in points:
-            report("growing lobes", 0.35)
-            starts.append(grow(_at_start(p), lobes)[-1])
-    tables, energies = [], []
-    for i, (p, g) in enumerate(zip(points, groups, strict=True)):
-        low, high = 0.4 + 0.55 * i / len(groups), 0.4 + 0.55 * (i + 1) / len(groups)
-        report("carrying to all viewers", low)
-        u = carry(p, starts[i], len(g))
-        u = polish(p, u, iterations=30, progress=lambda f, a=low, b=high: report("polishing", a + (b - a) * f))  # type: ignore[misc]
+        lobes, candidates = _choose_lobes(points, report)
+    tables = []
+    for i, p in enumerate(points):
+        low, width = 0.4 + 0.55 * i / len(groups), 0.55 / len(groups)
+        u = fit_table(p, lobes, lambda phase, f, a=low, b=width: report(phase, a + b * f))  # type: ignore[misc]
         tables.append(to_natural(u))
-        energies.append(_node_energy(p, len(g)))
-    return np.concatenate(tables), np.concatenate(energies), points[0].targets.even, candidates
+    energy = np.concatenate([_node_energy(p) for p in points])
+    ess = np.concatenate([ess_of(p.targets, p.natural(x)) for p, x in zip(points, tables, strict=True)])
+    lowest = _lowest(ess, *(np.concatenate([getattr(p, name) for p in points]) for name in ("strands", "theta_r")))
+    return _Table(np.concatenate(tables), energy, points[0].targets.even, lowest, candidates)
 
 
-def _at_start(points: Points) -> Any:
-    middle = np.flatnonzero((points.node == len(node_angles()) // 2) & (points.t == 0) & (points.row == 0))[:1]
-    return points.targets.take(middle)
+def _node_energy(points: Points) -> Array:
+    on = points.on_nodes()
+    return np.array([[points.targets.energy[on[r, i]] for i in range(THETA_NODES)] for r in range(points.rows)])
 
 
-def _node_energy(points: Points, rows: int) -> Array:
-    energy = np.empty((rows, len(node_angles())))
-    for r, i, t, s, e in zip(points.row, points.node, points.t, points.s, points.targets.energy, strict=True):
-        if s == 0 and t in (0.0, 1.0):
-            energy[r, i + int(t)] = e
-    return energy
-
-
-def _choose_lobes(points: Sequence[Points], report: Progress) -> tuple[int, tuple[Candidate, ...], list[Array]]:
+def _choose_lobes(points: Sequence[Points], report: Progress) -> tuple[int, tuple[Candidate, ...]]:
     """Weigh K = 1, 2, … by mean ESS over the cost of a traced sample, carried to all viewers but not polished."""
-    grown = [grow(_at_start(p), MAX_AUTO_LOBES) for p in points]
+    grown = [grow_at_start(p, MAX_AUTO_LOBES) for p in points]
     candidates: list[Candidate] = []
     for k in range(1, MAX_AUTO_LOBES + 1):
         report(f"weighing {k} lobes", 0.3 + 0.1 * k / MAX_AUTO_LOBES)
         values = []
         for p, fits in zip(points, grown, strict=True):
-            rows = int(p.row.max()) + 1
-            u = carry(p, fits[k - 1], rows)
-            values.append(1 / (1 + 2 * loss(p.targets, p.natural(to_natural(u)))))
+            u = carry(p, fits[k - 1])
+            values.append(ess_of(p.targets, p.natural(to_natural(u))))
         ess, cost = float(np.concatenate(values).mean()), traced_cost(k)
         candidates.append(Candidate(k, ess, cost, ess / cost))
         recent = [c.efficiency for c in candidates[-3:]]
         if len(recent) == 3 and recent[0] >= max(recent[1:]):
             break
-    best = max(candidates, key=lambda c: c.efficiency).lobes
-    return best, tuple(candidates), [fits[best - 1] for fits in grown]
+    return max(candidates, key=lambda c: c.efficiency).lobes, tuple(candidates)

@@ -1,77 +1,52 @@
-"""K lobes over all viewers and strand counts: grown at one viewer, carried to the others, then polished together."""
+"""K lobes over all viewers and strand counts: grown at one viewer, carried to the others, split into more."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cuticle.fitting.mixture import Array, confine, equations, from_natural, jacobian, loss, solve_each, to_natural
-from cuticle.fitting.targets import Targets, make_targets
+from cuticle._support.progress import Progress
+from cuticle.fitting.mixture import Array, confine, from_natural, loss, solve_each, to_natural
+from cuticle.fitting.points import THETA_NODES, Points
+from cuticle.fitting.polish import polish
+from cuticle.fitting.targets import Targets
 from cuticle.sampling.families import mixture_density
 from cuticle.sampling.lobe_table import MEAN_THETA, SIGMA_PHI, SIGMA_THETA, WEIGHT
-from cuticle.scattering.bcsdf import Bcsdf
 
-THETA_NODES = 25  # every 7.5 degrees
-END = np.radians(89.5)  # stands for the pole, where f·cos degenerates
-_BETWEEN_AT_ENDS = (0.25, 0.5, 0.75)
 _START = THETA_NODES // 2
 _LOST = 0.05  # ½ (1/ESS - 1): ESS below .91 at one viewer, where its neighbour was well fitted
-_LEAST_GAIN = 5e-6  # of ½ (1/ESS - 1) a point: a change of 1e-5 in ESS is not worth a step
+_STEPS = 30  # of a polish, at most
+_GROWN = 4  # lobes up to which growing one by one may find more than splitting does
 
 
-@dataclass(frozen=True)
-class Points:
-    """Where the fit looks: viewers on and between nodes, for rows on and between strand counts."""
+def fit_table(points: Points, lobes: int, progress: Progress) -> Array:
+    """Return the table u (rows, nodes, 5, K).
 
-    node: NDArray[np.intp]
-    t: Array
-    row: NDArray[np.intp]
-    s: Array
-    targets: Targets
-
-    def natural(self, x: Array) -> Array:
-        """Return the table's parameters at each point: x (rows, nodes, 5, K) -> (points, 5, K)."""
-        t, s = self.t[:, None, None], self.s[:, None, None]
-        upper_row = np.minimum(self.row + 1, x.shape[0] - 1)
-        lower = (1 - t) * x[self.row, self.node] + t * x[self.row, self.node + 1]
-        upper = (1 - t) * x[upper_row, self.node] + t * x[upper_row, self.node + 1]
-        return (1 - s) * lower + s * upper
-
-
-def node_angles() -> Array:
-    """Inclinations of the table's nodes, from pole to pole."""
-    return np.linspace(-np.pi / 2, np.pi / 2, THETA_NODES)
+    Lobes double from a table of two, by splits and a polish: the new table starts where the old one was, for all viewers and
+    counts, so more lobes do no worse anywhere. Up to four they also grow one by one at normal view, which finds more of the
+    peaks of a single row; the better of both is kept. Coarse grids lead the way.
+    """
+    coarse = replace(points, targets=points.targets.coarser())
+    steps = min(_STEPS, 8 * _STEPS // lobes)  # a step's cost grows with the square of the lobes, and later ones gain little
+    u = _carried(coarse, min(lobes, 2))
+    while u.shape[3] < lobes:
+        progress(f"splitting {u.shape[3]} lobes", 0.5 * u.shape[3] / lobes)
+        more = min(2 * u.shape[3], lobes)
+        found = [polish(coarse, split(coarse, u, more), steps if more == lobes else 8)]
+        if more <= _GROWN and points.rows == 1:
+            found.append(_carried(coarse, more))
+        u = min(found, key=lambda v: loss(coarse.targets, coarse.natural(to_natural(v))).sum())
+    return polish(points, u, steps, lambda f: progress("polishing", 0.5 + 0.5 * f))
 
 
-def make_points(with_strands: Callable[[float], Bcsdf], strands: Sequence[float], objective: str, family: str) -> Points:
-    """Tabulate the targets that a fit of these strand counts looks at."""
-    theta: list[tuple[int, float]] = [(i, 0.0) for i in range(THETA_NODES - 1)] + [(THETA_NODES - 2, 1.0)]
-    for i in range(THETA_NODES - 1):
-        theta += [(i, t) for t in (_BETWEEN_AT_ENDS if i in (0, THETA_NODES - 2) else (0.5,))]
-    node, t, row, s, models, angles = [], [], [], [], [], []
-    step = np.pi / (THETA_NODES - 1)
+def _carried(points: Points, lobes: int) -> Array:
+    return polish(points, carry(points, grow_at_start(points, lobes)[-1]), _STEPS)
 
-    def add(i: int, fraction: float, j: int, between: float, model: Bcsdf) -> None:
-        node.append(i)
-        t.append(fraction)
-        row.append(j)
-        s.append(between)
-        models.append(model)
-        angles.append(float(np.clip(-np.pi / 2 + (i + fraction) * step, -END, END)))
 
-    for j, n in enumerate(strands):
-        model = with_strands(n)
-        for i, fraction in theta:
-            add(i, fraction, j, 0.0, model)
-        if j + 1 < len(strands) and n > 0:  # between 0 and the next count the sampler mixes; nothing to interpolate
-            middle = with_strands(0.5 * (n + strands[j + 1]))
-            for i, fraction in theta:
-                add(i, fraction, j, 0.5, middle)
-    targets = make_targets(models, angles, objective, family)
-    return Points(np.array(node), np.array(t), np.array(row), np.array(s), targets)
+def grow_at_start(points: Points, lobes: int) -> list[Array]:
+    """Return `grow`'s fits at normal view of the first row."""
+    return grow(points.targets.take([points.on_nodes()[0, _START]]), lobes)
 
 
 def grow(targets: Targets, lobes: int) -> list[Array]:
@@ -122,15 +97,11 @@ def _density(targets: Targets, x: Array) -> Array:
     return sides * mixture_density(x, targets.theta[0], targets.phi[0], targets.even, targets.family)
 
 
-def carry(points: Points, start: Array, rows: int) -> Array:
+def carry(points: Points, start: Array) -> Array:
     """Return u (rows, nodes, 5, K): from one fit at the middle node to every row, then node by node to both poles."""
-    lobes = start.shape[-1]
-    u = np.empty((rows, THETA_NODES, 5, lobes))
-    on_node = {
-        (int(r), int(i) + int(t)): k
-        for k, (r, i, t, s) in enumerate(zip(points.row, points.node, points.t, points.s, strict=True))
-        if s == 0 and t in (0.0, 1.0)
-    }
+    rows = points.rows
+    u = np.empty((rows, THETA_NODES, *start.shape))
+    on_node = points.on_nodes()
     previous = start
     for r in range(rows):
         solved, _ = solve_each(points.targets.take([on_node[r, _START]]), previous[None], iterations=40)
@@ -155,111 +126,38 @@ def carry(points: Points, start: Array, rows: int) -> Array:
     return u
 
 
-def polish(points: Points, u: Array, *, iterations: int, progress: Callable[[float], None], smooth: float = 1e-5) -> Array:
-    """Fit all nodes and rows together, by Levenberg-Marquardt on a block-tridiagonal system.
+def split(points: Points, u: Array, lobes: int) -> Array:
+    """Return a table of more lobes, up to twice as many, whose density differs little from u's, at and between all entries.
 
-    The objective is the mean of ½ (1/ESS - 1) over the points, those between nodes included, plus a small penalty
-    on second differences along theta_r that settles parameters of lobes that hardly count.
+    A lobe turns into two that lie apart, or differ in width. Each is split in the way that gains most in a few steps at some
+    of the nodes by themselves; those whose split gains most are.
     """
-    rows, nodes, _, lobes = u.shape
-    even = points.targets.even
-    u = confine(u, even)
-    damping = 1e-3
+    rows, even = np.unique(np.linspace(0, len(u) - 1, 3).astype(int)), points.targets.even
+    nodes = [(r, i) for r in rows for i in range(0, THETA_NODES, 6)]
+    on_node, some = points.on_nodes(), np.array([u[r, i] for r, i in nodes])
+    ways = [(k, way) for k in range(u.shape[3]) for way in _WAYS]
+    starts = np.concatenate([_halved(some, k, way) for k, way in ways])
+    targets = points.targets.take(np.tile([on_node[r, i] for r, i in nodes], len(ways)))
+    _, value = solve_each(targets, starts, iterations=2)
+    best: dict[int, tuple[int, tuple[float, ...]]] = {}
+    for j in np.argsort(value.reshape(len(ways), -1).sum(axis=1)):
+        best.setdefault(ways[j][0], ways[j])
+    for k, way in list(best.values())[: lobes - u.shape[3]]:
+        u = _halved(u, k, way)
+    return confine(u, even)
 
-    def objective(v: Array, losses: Array) -> float:
-        return float(losses.sum() + 0.5 * smooth * (np.diff(v, 2, axis=1) ** 2).sum())
 
-    x = to_natural(u)
-    losses, gradient, hessian = equations(points.targets, points.natural(x))
-    value = objective(u, losses)
-    for iteration in range(iterations):
-        diagonal, upper, g = _assemble(points, x, gradient, hessian, rows)
-        _add_smoothness(diagonal, upper, g, u, smooth)
-        for _ in range(12):
-            step = _solve_tridiagonal(diagonal, upper, g, damping).reshape(nodes, rows, 5, lobes).swapaxes(0, 1)
-            trial = confine(u - np.clip(step, -0.5, 0.5), even)
-            new_x = to_natural(trial)
-            new_value = objective(trial, loss(points.targets, points.natural(new_x)))
-            if new_value < value:
-                break
-            damping *= 8
-        else:
-            break
-        gain = value - new_value
-        u, x, value = trial, new_x, new_value
-        damping = max(damping * 0.3, 1e-7)
-        progress((iteration + 1) / iterations)
-        if gain < max(1e-3 * value, _LEAST_GAIN * len(points.node)):
-            break
-        losses, gradient, hessian = equations(points.targets, points.natural(x))
+# How far two halves of a lobe move: means in sigmas, sigmas in their logs.
+_WAYS = ((0.5, 0, 0, 0), (0, 0.5, 0, 0), (0.4, 0.4, 0, 0), (0.4, -0.4, 0, 0),
+         (0, 0, 0.4, 0), (0, 0, 0, 0.4), (0, 0, 0.4, 0.4), (0, 0, 0.4, -0.4))  # fmt: skip
+
+
+def _halved(u: Array, lobe: int, way: tuple[float, ...]) -> Array:
+    """Return u with one lobe in two halves, the second of which comes last."""
+    u = np.concatenate([u, u[..., lobe : lobe + 1]], axis=-1)
+    sigma = np.exp(u[..., SIGMA_THETA:, lobe])
+    for side, k in ((1, lobe), (-1, -1)):
+        u[..., WEIGHT, k] -= np.log(2)
+        u[..., MEAN_THETA:SIGMA_THETA, k] += side * np.array(way[:2]) * sigma
+        u[..., SIGMA_THETA:, k] += 0.5 * np.log1p(-np.square(way[:2])) + side * np.array(way[2:])
     return u
-
-
-def _assemble(points: Points, x: Array, gradient: Array, hessian: Array, rows: int) -> tuple[Array, Array, Array]:
-    """Return the Gauss-Newton system over nodes: diagonal blocks, blocks to the next node, gradient."""
-    nodes, lobes = x.shape[1], x.shape[3]
-    size = 5 * lobes
-    d = jacobian(x)
-    diagonal = np.zeros((nodes, rows, size, rows, size))
-    upper = np.zeros((nodes - 1, rows, size, rows, size))
-    g = np.zeros((nodes, rows, size))
-    upper_row = np.minimum(points.row + 1, rows - 1)
-    corners = [
-        (points.node + a, r, (points.t if a else 1 - points.t) * c)
-        for a in (0, 1)
-        for r, c in ((points.row, 1 - points.s), (upper_row, points.s))
-    ]
-    mapped = [(i, r, c, d[r, i]) for i, r, c in corners]
-    for i, r, c, di in mapped:
-        np.add.at(g, (i, r), c[:, None] * np.einsum("pij,pi->pj", di, gradient))
-    for i, r, c, di in mapped:
-        used = np.flatnonzero(c)
-        left = di[used].transpose(0, 2, 1) @ hessian[used] * c[used, None, None]
-        for j, q, e, dj in mapped:
-            both = e[used] != 0
-            at = used[both]
-            if not len(at) or (j[at] < i[at]).any():
-                continue
-            block = left[both] @ dj[at] * e[at, None, None]
-            same = j[at[0]] == i[at[0]]
-            np.add.at(diagonal if same else upper, (i[at], r[at], slice(None), q[at]), block)  # type: ignore[arg-type]
-    return (
-        diagonal.reshape(nodes, rows * size, rows * size),
-        upper.reshape(nodes - 1, rows * size, rows * size),
-        g.reshape(nodes, rows * size),
-    )
-
-
-def _add_smoothness(diagonal: Array, upper: Array, g: Array, u: Array, smooth: float) -> None:
-    # Of the second differences only the part within neighbours enters the matrix; the gradient is whole.
-    nodes = u.shape[1]
-    flat = u.swapaxes(0, 1).reshape(nodes, -1)
-    bend = np.diff(flat, 2, axis=0)
-    g[:-2] += smooth * bend
-    g[1:-1] -= 2 * smooth * bend
-    g[2:] += smooth * bend
-    i = np.arange(flat.shape[1])
-    diagonal[:, i, i] += 6 * smooth
-
-
-def _solve_tridiagonal(diagonal: Array, upper: Array, g: Array, damping: float) -> Array:
-    """Return h for (A + damping diag A) h = g, A symmetric block-tridiagonal and positive semidefinite."""
-    nodes, size = g.shape
-    i = np.arange(size)
-    factors: list[Array] = []
-    rhs = g.copy()
-    block = np.empty((size, size))
-    for k in range(nodes):
-        block = diagonal[k].copy()
-        own = np.diagonal(diagonal[k])
-        block[i, i] += damping * own + 1e-9 + 1e-7 * own.max()
-        if k:
-            carry_over = np.linalg.solve(factors[-1], np.column_stack([upper[k - 1], rhs[k - 1]]))
-            block -= upper[k - 1].T @ carry_over[:, :-1]
-            rhs[k] -= upper[k - 1].T @ carry_over[:, -1]
-        factors.append(block)
-    h = np.empty_like(g)
-    h[-1] = np.linalg.solve(factors[-1], rhs[-1])
-    for k in range(nodes - 2, -1, -1):
-        h[k] = np.linalg.solve(factors[k], rhs[k] - upper[k] @ h[k + 1])
-    return h

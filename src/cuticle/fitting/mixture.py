@@ -18,6 +18,10 @@ SIGMA_THETA_RANGE = (np.radians(0.2), 2.5)
 SIGMA_PHI_RANGE = (np.radians(0.2), 6.0)
 _OUTSIDE = 0.95  # of a sigma, how far a mean may leave its domain; the core allows 1
 _LEAST_LOGIT = -9.0
+# Far out, where f is small, ESS does not see a lobe's tail fall below it. A weight f cos/(p ∫ f cos) of r times the first
+# number costs ½ the second times the mean of ln² r over theta and phi: little ESS, and few weights are three times as large.
+_ALLOWED_WEIGHT = 12.0
+_PRICE = 0.3
 
 
 def to_natural(u: Array) -> Array:
@@ -39,20 +43,17 @@ def from_natural(x: Array) -> Array:
     return u
 
 
-def jacobian(x: Array) -> Array:
-    """Return d natural / d unconstrained, shape (..., 5K, 5K)."""
+def in_coordinates(x: Array, gradient: Array, hessian: Array) -> tuple[Array, Array]:
+    """Map a gradient (E, 5K) and a matrix (E, 5K, 5K) from natural parameters x (E, 5, K) to unconstrained coordinates."""
     lobes = x.shape[-1]
-    size = 5 * lobes
-    w = x[..., WEIGHT, :]
-    d = np.zeros((*x.shape[:-2], size, size))
-    i = np.arange(lobes)
-    d[..., :lobes, :lobes] = -w[..., :, None] * w[..., None, :]
-    d[..., i, i] += w
-    for row in (MEAN_THETA, MEAN_PHI):
-        d[..., row * lobes + i, row * lobes + i] = 1.0
-    for row in (SIGMA_THETA, SIGMA_PHI):
-        d[..., row * lobes + i, row * lobes + i] = x[..., row, :]
-    return d
+    w, scale = x[:, WEIGHT], x.reshape(len(x), -1).copy()
+    scale[:, : SIGMA_THETA * lobes] = 1  # means are coordinates; of sigmas the logs are
+    g, h = gradient * scale, hessian * (scale[:, :, None] * scale[:, None, :])
+    by_logit = w[:, :, None] * (np.eye(lobes) - w[:, None, :])  # symmetric
+    g[:, :lobes] = np.einsum("eij,ei->ej", by_logit, g[:, :lobes])
+    h[:, :lobes] = by_logit @ h[:, :lobes]
+    h[:, :, :lobes] = h[:, :, :lobes] @ by_logit
+    return g, h
 
 
 def confine(u: Array, even: bool) -> Array:
@@ -71,26 +72,31 @@ def confine(u: Array, even: bool) -> Array:
     return v
 
 
-def loss(targets: Targets, x: Array) -> Array:
-    """Return ½ (1/ESS - 1) for each target, parameters (E, 5, K)."""
+def loss(targets: Targets, x: Array, *, bounded: bool = True) -> Array:
+    """Return ½ (1/ESS - 1) for each target, parameters (E, 5, K); `bounded` adds the price of large weights."""
     out = np.empty(len(x))
     none = np.empty((0, 0, 0))
-    _call(targets, x, out, np.empty((0, 0)), none)
+    _call(targets, x, bounded, out, np.empty((0, 0)), none)
     return out
 
 
+def ess_of(targets: Targets, x: Array) -> Array:
+    """Return the ESS for each target, parameters (E, 5, K), as the targets' grids see it."""
+    return 1 / (1 + 2 * loss(targets, x, bounded=False))
+
+
 def equations(targets: Targets, x: Array) -> tuple[Array, Array, Array]:
-    """Return loss (E,), gradient (E, 5K) and Gauss-Newton matrix (E, 5K, 5K) in natural parameters."""
+    """Return bounded loss (E,), gradient (E, 5K) and Gauss-Newton matrix (E, 5K, 5K) in natural parameters."""
     size = x.shape[-1] * 5
     value, gradient, hessian = np.empty(len(x)), np.empty((len(x), size)), np.empty((len(x), size, size))
-    _call(targets, x, value, gradient, hessian)
+    _call(targets, x, True, value, gradient, hessian)
     return value, gradient, hessian
 
 
-def _call(t: Targets, x: Array, value: Array, gradient: Array, hessian: Array) -> None:
-    parameters = np.ascontiguousarray(x)
+def _call(t: Targets, x: Array, bounded: bool, value: Array, gradient: Array, hessian: Array) -> None:
     _core.normal_equations(
-        t.q, t.theta, t.theta_weight, t.phi, t.phi_weight, parameters, t.even, value, gradient, hessian, t.family
+        t.q, t.theta, t.theta_weight, t.phi, t.phi_weight, np.ascontiguousarray(x), t.even, _ALLOWED_WEIGHT,
+        _PRICE if bounded else 0.0, value, gradient, hessian, t.family,
     )  # fmt: skip
 
 
@@ -104,9 +110,7 @@ def solve_each(targets: Targets, u: Array, *, iterations: int, tolerance: float 
     active = np.arange(len(u))
     identity = np.eye(shape[1] * shape[2])
     for _ in range(iterations):
-        d = jacobian(x[active])
-        g = np.einsum("eij,ei->ej", d, gradient[active])
-        h = d.transpose(0, 2, 1) @ hessian[active] @ d
+        g, h = in_coordinates(x[active], gradient[active], hessian[active])
         diagonal = np.einsum("eii->ei", h)
         scale = diagonal + 1e-4 * diagonal.max(axis=1, keepdims=True)
         h = h + damping[active, None, None] * scale[:, None, :] * identity

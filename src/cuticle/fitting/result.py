@@ -31,6 +31,14 @@ class Candidate(NamedTuple):
     efficiency: float
 
 
+class Worst(NamedTuple):
+    """The least ESS that a fit found on and between its table's nodes and rows, and where (radians, strands)."""
+
+    ess: float
+    theta_r: float
+    strands: float
+
+
 class FitFile(BaseModel):
     """What a fit's JSON file holds, version 1: the attributes of `Fit`, the sampler as its own file has it."""
 
@@ -47,6 +55,7 @@ class FitFile(BaseModel):
     seconds: float
     form: str
     objective: str
+    worst: Worst | None = None
     candidates: list[Candidate] = []
     families: dict[str, float] = {}
 
@@ -71,6 +80,8 @@ class Fit(Value):
         Time of the fit, without the measurement.
     form, objective
         The arguments of `fit`.
+    worst
+        The least ESS on and between all nodes and rows, and where it is. None in a fit that an older version saved.
     candidates
         The numbers of lobes that were compared, if `fit` chose.
     families
@@ -86,6 +97,7 @@ class Fit(Value):
     seconds: float = field(compare=False)
     form: str
     objective: str
+    worst: Worst | None = None
     candidates: tuple[Candidate, ...] = field(default=())
     families: dict[str, float] = field(default_factory=dict)
 
@@ -108,7 +120,7 @@ class Fit(Value):
         values = {name: getattr(self, name).tolist() for name in ("theta_r", *_MEASURED)}
         file = FitFile(
             sampler=json.loads(self.sampler.to_json()), seconds=self.seconds, form=self.form, objective=self.objective,
-            candidates=list(self.candidates), families=self.families, **values,
+            worst=self.worst, candidates=list(self.candidates), families=self.families, **values,
         )  # fmt: skip
         return write_text(path, json.dumps(file.model_dump(), allow_nan=False) + "\n")
 
@@ -151,8 +163,19 @@ class Fit(Value):
         axes.legend()
         return axes
 
+    @property
+    def worst_text(self) -> str:
+        """The worst ESS that was found, in words; empty if it is not known."""
+        if self.worst is None:
+            return ""
+        w = self.worst
+        return (
+            f"worst ESS between nodes and rows {w.ess:.4f}, at theta_r {np.degrees(w.theta_r):.1f}°, {w.strands:g} strands"
+        )
+
     def _repr_html_(self) -> str:
         title = f"Fit: {self.sampler.lobes} {self.sampler.family} lobes, objective {self.objective}, {self.seconds:.2f} s"
+        title += f"; {self.worst_text}" if self.worst else ""
         header = ("strands", "ESS, mean within 75°", "worst", "worst beyond")
         return html_table(title, header, [(f"{n:g}", *(number(x, 4) for x in ess)) for n, *ess in self.summary])
 
@@ -162,6 +185,8 @@ class Fit(Value):
             f"  strands {n:g}: ESS mean {mean:.4f}, worst {worst:.4f} within 75°, {beyond:.4f} at 85°"
             for n, mean, worst, beyond in self.summary
         ]
+        if self.worst:
+            lines.append(f"  {self.worst_text}")
         if self.families:
             tried = ", ".join(f"{name} {ess:.4f}" for name, ess in self.families.items())
             lines.append(f"  {self.sampler.family} lobes chosen by mean ESS: {tried}")
@@ -184,5 +209,6 @@ def fit_summary(result: Fit) -> dict[str, Any]:
         "ess": result.ess.round(6).tolist(),
         "ess_channels": result.ess_channels.round(6).tolist(),
         "largest_weight": result.largest_weight.round(6).tolist(),
+        "worst": None if result.worst is None else result.worst._asdict(),
         "candidates": [c._asdict() for c in result.candidates],
     }

@@ -38,6 +38,22 @@ class Targets(NamedTuple):
         arrays = [np.ascontiguousarray(a[i]) for a in self[:6]]
         return Targets(arrays[0], arrays[1], arrays[2], arrays[3], arrays[4], arrays[5], self.even, self.family)
 
+    def coarser(self) -> Targets:
+        """Return the targets on a grid of half as many points along each angle: each stands for two."""
+
+        def pairs(a: NDArray[np.float64]) -> NDArray[np.float64]:
+            return a.reshape(len(a), -1, 2)
+
+        weights = [pairs(w).sum(axis=2) for w in (self.theta_weight, self.phi_weight)]
+        theta, phi = (
+            pairs(x * w).sum(axis=2) / total
+            for x, w, total in zip((self.theta, self.phi), (self.theta_weight, self.phi_weight), weights, strict=True)
+        )
+        mass = self.q * self.theta_weight[:, :, None] * self.phi_weight[:, None, :]
+        mass = mass.reshape(len(mass), theta.shape[1], 2, phi.shape[1], 2).sum(axis=(2, 4))
+        q = mass / (weights[0][:, :, None] * weights[1][:, None, :])
+        return Targets(q, theta, weights[0], phi, weights[1], self.energy, self.even, self.family)
+
 
 def objective_density(values: NDArray[np.float64], weights: NDArray[np.float64], objective: str) -> NDArray[np.float64]:
     """Return q ≥ 0 whose ∫ q²/p is what the objective minimises.

@@ -96,6 +96,7 @@ _CHANNELS = ("R", "G", "B")
 
 def _fit_view(data: dict[str, Any], _: Path) -> dict[str, Any]:
     ess = np.array(data["ess"])
+    worst = data.get("worst")
     return {
         "title": f"{data['lobes']} lobes, {data['form']}, objective {data['objective']}, fitted in {data['seconds']:.2f} s",
         "theta_r": [f"{number(t, 0)}°" for t in data["theta_r_degrees"]],
@@ -115,6 +116,8 @@ def _fit_view(data: dict[str, Any], _: Path) -> dict[str, Any]:
         else [],
         "mean": f"{ess.mean():.3f}",
         "worst": f"{ess.min():.3f}",
+        "between": worst
+        and f"{worst['ess']:.3f} at θᵣ {np.degrees(worst['theta_r']):.1f}° through {worst['strands']:g} strands",
     }
 
 
