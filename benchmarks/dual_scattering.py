@@ -2,8 +2,9 @@
 
 For each groom, hair and light: brightness over the path tracer's (mean of the covered part, each channel), relMSE against it
 (less the noise of both: what is left is bias), time over Mitsuba's `direct` at equal samples, and how many times longer the
-path tracer takes to the same noise: the product of time and variance between runs, path over dual. In light from everywhere
-the grid runs a second time with directions from the BSDF alone. `--groom NAME`, repeated, picks some; rows come one by one.
+path tracer takes to the same noise: the product of time and variance between runs, path over dual. "corrected" is the integrator's default; "m bounces"
+trace m segments before dual scattering; the other rows neither correct nor bounce. In light from everywhere the grid runs a
+second time with directions from the BSDF alone. `--groom NAME`, repeated, picks some; rows come one by one.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from cuticle.grooms.procedural import hair_ball
 from cuticle.render.picture import rel_mse
 from cuticle.render.scene import Light, View, bsdf, integrator, load_scene, mitsuba
 
-RUNS, SPP = 4, 16
+RUNS, SPP = 4, 64
 
 
 def grooms(data: Path | None) -> dict[str, Groom]:
@@ -67,6 +68,7 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=default if default.exists() else None)
     parser.add_argument("--size", type=int, default=128)
     parser.add_argument("--groom", action="append", help="one of these alone; may be repeated")
+    parser.add_argument("--hair", action="append", choices=("blond", "black"), help="one of these alone")
     arguments = parser.parse_args()
     try:
         found = grooms(arguments.data)
@@ -94,12 +96,18 @@ def main() -> None:
     with Live(grid, console=console, auto_refresh=False) as live:
         for name in chosen:
             for light in ("env", "area"):
-                for fibre in ("blond", "black"):
+                for fibre in arguments.hair or ("blond", "black"):
                     path = runs(mi, found[name], fibre, light, view, integrator("path", depth=64))
                     direct = runs(mi, found[name], fibre, light, view, integrator("direct"))
-                    ways = {"grid": integrator("dual"), "trace": integrator("dual", counter="trace")}
+                    plain = {"correction_paths": 0}
+                    ways = {
+                        "grid, corrected": integrator("dual"),
+                        "grid": integrator("dual", **plain),
+                        "trace": integrator("dual", counter="trace", **plain),
+                        **{f"{m} bounces": integrator("dual", bounces=m) for m in (1, 2, 4)},
+                    }
                     if light == "env":
-                        ways["grid, BSDF alone"] = integrator("dual", emitter_samples=0)
+                        ways["grid, BSDF alone"] = integrator("dual", emitter_samples=0, **plain)
                     for counter, how in ways.items():
                         dual = runs(mi, found[name], fibre, light, view, how)
                         bias = rel_mse(dual["image"], path["image"]) - (dual["noise"] + path["noise"]) / RUNS

@@ -129,7 +129,7 @@ def test_bounces_lead_to_paths(variant: str, ball: Groom, use_variant: UseVarian
         for m in (0, 2, 8)
     ]
     assert np.abs(off[0]).max() >= 0.06
-    assert np.abs(off[1:]).max() <= 0.03  # noise of both: .8 %
+    assert np.abs(off[1:]).max() <= 0.05  # the noise of a difference: 1.4 %
 
 
 @pytest.mark.parametrize("bounces", [1, 64])
