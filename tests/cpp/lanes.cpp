@@ -53,6 +53,7 @@ LANES_FUNCTION(cos)
 LANES_FUNCTION(abs)
 LANES_FUNCTION(floor)
 LANES_FUNCTION(erf)
+LANES_FUNCTION(erfc)
 #undef LANES_FUNCTION
 
 template <class T> Lanes<T> operator-(const Lanes<T> &a) { return Lanes<T>(0) - a; }
