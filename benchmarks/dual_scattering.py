@@ -2,9 +2,10 @@
 
 For each groom, hair and light: brightness over the path tracer's (mean of the covered part, each channel), relMSE against it
 (less the noise of both: what is left is bias), time over Mitsuba's `direct` at equal samples, and how many times longer the
-path tracer takes to the same noise: the product of time and variance between runs, path over dual. "corrected" is the integrator's default; "m bounces"
-trace m segments before dual scattering; the other rows neither correct nor bounce. In light from everywhere the grid runs a
-second time with directions from the BSDF alone. `--groom NAME`, repeated, picks some; rows come one by one.
+path tracer takes to the same noise: the product of time and variance between runs, path over dual. "corrected"
+is the integrator's default; "m bounces" trace m segments before dual scattering; the other rows neither correct nor bounce.
+In light from everywhere the grid runs a second time with directions from the BSDF alone. `--groom NAME`, repeated, picks
+some; rows come one by one.
 """
 
 from __future__ import annotations
