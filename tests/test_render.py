@@ -120,6 +120,17 @@ def test_what_is_seen_is_as_bright_as_paths_are(use_variant: UseVariant) -> None
     assert np.abs(dual / path - 1).max() <= 0.05  # 1.5 % of it noise of the paths
 
 
+def test_few_paths_correct_nothing(ball: Groom, use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+
+    def image(paths: int) -> np.ndarray:
+        how = integrator("dual", correction_paths=paths)
+        return np.array(mi.render(load_scene(mi, ball, bsdf("blond"), view=SMALL, technique=how), spp=4))
+
+    np.testing.assert_array_equal(image(32), image(0))
+    assert not np.array_equal(image(4096), image(0))
+
+
 @pytest.mark.parametrize("variant", ["scalar_rgb", pytest.param("llvm_ad_rgb", marks=pytest.mark.slow)])
 def test_bounces_lead_to_paths(variant: str, ball: Groom, use_variant: UseVariant) -> None:
     mi, light = use_variant(variant), Light("area")

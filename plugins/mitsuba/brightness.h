@@ -49,24 +49,29 @@ template <class Float, size_t Channels> class BrightnessRatio {
         return std::sqrt(squares) / path;
     }
 
+    // Of too few samples nothing is known.
     void measure(std::vector<Sample> samples, const Box &box) {
+        m_known = samples.size() >= enough;
+        if (!m_known) return;
         m_box = box;
         for (Sample &s : samples)
             for (size_t a = 0; a < 3; ++a) s.at[a] = (s.at[a] - float(box.min[a])) / float(box.max[a] - box.min[a]);
         std::vector<float> ratios = divided(samples, texture<float>(1, std::vector<float>(Channels, 1.f)), 1);
+        const std::vector<float> whole_box = ratios;
         size_t side = 1;
         while (side < finest && samples.size() >= enough * 4 * side * side) {
             const auto whole = texture<float>(side, ratios);
             side *= 2;
             ratios = divided(samples, whole, side);
         }
-        // Interpolation moves light between parts: the sum is set right.
-        const Parts all = summed(samples, texture<float>(side, ratios), 1);
+        // Interpolation moves light between parts: their sum is the whole's again.
+        const auto light = [&](size_t parts, const std::vector<float> &r) {
+            return summed(samples, texture<float>(parts, r), 1).sums[0].dual;
+        };
+        const Colour want = light(1, whole_box), got = light(side, ratios);
         for (size_t k = 0; k < ratios.size(); ++k)
-            if (all.sums[0].dual[k % Channels] > 0)
-                ratios[k] *= all.sums[0].path[k % Channels] / all.sums[0].dual[k % Channels];
+            if (got[k % Channels] > 0) ratios[k] *= want[k % Channels] / got[k % Channels];
         m_ratios = texture<Float>(side, ratios);
-        m_known = true;
     }
 
     auto at(const Point &p, const dr::mask_t<Float> &active) const {

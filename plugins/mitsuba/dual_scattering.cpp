@@ -69,8 +69,10 @@ template <typename Float, typename Spectrum> class DualScattering final : public
         m_around.prepare(scene);
         auto [path, si] = trace(scene, sampler, ray, m_bounces, active);
         Spectrum last = lit(scene, sampler, si, path);
-        const Mask hair = path.going && is_hair(si.bsdf(path.ray));
-        if (m_ratio.known() && dr::any_or<true>(hair)) last[hair] *= ratio(si.p, hair);
+        if (m_ratio.known() && dr::any_or<true>(path.going)) {
+            const Mask hair = path.going && is_hair(si.bsdf(path.ray));
+            last[hair] *= ratio(si.p, hair);
+        }
         path.result[path.going] += path.throughput * last;
         return {path.result, path.seen};
     }
