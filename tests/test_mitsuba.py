@@ -258,7 +258,7 @@ NEAR = {"near": True, "beta_m": 0.3, "beta_n": 0.25, "alpha": -2.0, "eumelanin":
             {"alpha_TT": 3.0, "alpha_TRT": 9.0},
         ),
         pytest.param({**NEAR, "near": False}, {"beta_n": 0.4, "eumelanin": 0.3}, {}, marks=pytest.mark.slow),
-        pytest.param({**NEAR, "near": False, "strands": True, "lobes": 1}, {"beta_n": 0.4}, {}, marks=pytest.mark.slow),
+        pytest.param({**NEAR, "near": False, "strands": True, "lobes": 1}, {"beta_m": 0.5}, {}, marks=pytest.mark.slow),
         pytest.param({**NEAR, "color": (0.4, 0.2, 0.1), "eumelanin": None}, {"beta_n": 0.4}, {}, marks=pytest.mark.slow),
     ],
     ids=["near", "fibre", "far", "among strands", "a colour"],
