@@ -17,6 +17,7 @@ from browser import start
 from cuticle.draft.document import Document, document
 from cuticle.draft.printed import Printed
 from cuticle.grooms.groom import Groom
+from cuticle.grooms.procedural import hair_ball
 
 # karellen-llvm-core puts LLVM here; Dr.Jit wants to be told before it is imported.
 LLVM = sorted(Path(sys.prefix, "lib").glob("libLLVM.so*")) + sorted(Path(sys.prefix, "lib").glob("libLLVM.dylib"))
@@ -54,6 +55,17 @@ def sharp_fit() -> tuple[cuticle.DualScattering, cuticle.Fit]:
 def reproduced(document_model: cuticle.DualScattering, document_fit: cuticle.Fit) -> Document:
     """The draft for its own fibre, beside the printed tables where they are at hand."""
     return document(document_model, printed=Printed.find(), lobes=document_fit, name="document")
+
+
+@pytest.fixture(scope="session")
+def ball() -> Groom:
+    return hair_ball(4000)
+
+
+@pytest.fixture(scope="session")
+def strand() -> Groom:
+    line = np.stack([np.zeros(6), np.linspace(-1, 1, 6), np.zeros(6)], axis=1)
+    return Groom(line.astype(np.float32), np.array([0, 6]), np.array(0.3, np.float32))
 
 
 @pytest.fixture

@@ -63,6 +63,33 @@ def _pick(weights: Array, rng: np.random.Generator) -> NDArray[np.intp]:
     return (rng.random(weights.shape[1]) >= np.cumsum(weights, axis=0)).sum(axis=0)
 
 
+def _scatter(
+    fibre: Fibre, attenuation: Array, azimuth: Array, theta: Array, phi: Array, rng: np.random.Generator
+) -> tuple[NDArray[np.bool_], Array, Array]:
+    """Return which paths are not absorbed, and the inclinations and azimuths at which they go on."""
+    lobe = _pick(attenuation, rng)
+    alive, lobe = lobe < 3, np.minimum(lobe, 2)
+    spread = np.radians(fibre.beta_N)
+    phi = phi + np.pi + azimuth[lobe, np.arange(len(lobe))] + spread * rng.normal(size=len(lobe))
+    return alive, _latitude(theta + 2 * fibre.alpha[lobe], 4 * fibre.beta[lobe] ** 2, rng), phi
+
+
+def passed(fibre: Fibre, sigma_a: float, theta_i: float, sheets: NDArray[np.int_], seed: int = 1) -> float:
+    """Return the share of light that leaves numbers of sheets, one a path, on the side where it did not fall in."""
+    rng = np.random.default_rng(seed)
+    theta, phi, depth, last = np.full(len(sheets), -theta_i), np.zeros(len(sheets)), np.zeros(len(sheets)), sheets
+    out = np.count_nonzero(sheets == 0)
+    theta, phi, depth, last = (x[sheets > 0] for x in (theta, phi, depth, last))
+    while len(theta):
+        optics = _optics(fibre, sigma_a, theta, 2 * rng.random(len(theta)) - 1)
+        alive, theta, phi = _scatter(fibre, *optics, theta, phi, rng)
+        depth = depth + np.where(np.cos(phi) > 0, 1, -1)
+        out += np.count_nonzero(alive & (depth >= last))
+        alive &= (depth > -0.5) & (depth < last)
+        theta, phi, depth, last = (x[alive] for x in (theta, phi, depth, last))
+    return float(out / len(sheets))
+
+
 def walk(
     fibre: Fibre, sigma_a: float, theta_r: float, strands: float, *, arrangement: str, count: int = 100_000, seed: int = 1,
     phi_r: float | None = None, behind: float = np.inf,
@@ -96,10 +123,7 @@ def walk(
         if event == 0:  # light that meets no strand on its way
             seen = seen * (0 if medium else depth >= 0.5)
         found.append((total * seen, light, returned.copy()))
-        lobe = _pick(attenuation, rng)
-        alive, lobe = lobe < 3, np.minimum(lobe, 2)
-        phi = phi + np.pi + azimuth[lobe, np.arange(len(lobe))] + spread * rng.normal(size=len(lobe))
-        theta = _latitude(theta + 2 * fibre.alpha[lobe], 4 * fibre.beta[lobe] ** 2, rng)
+        alive, theta, phi = _scatter(fibre, attenuation, azimuth, theta, phi, rng)
         up = np.cos(phi) > 0
         if event == 0:
             returned = ~up

@@ -9,7 +9,8 @@ import pytest
 
 from cuticle import DualScattering, Fibre
 from cuticle.scattering.strand_transport import Directions, Scattering, StrandTransport
-from strand_walk import quadrature, walk
+from cuticle.scattering.through_strands import through_tables
+from strand_walk import passed, quadrature, walk
 
 FIBRES = {
     "blond": Fibre.preset("blond").replace(d_f=1, d_b=1),
@@ -71,6 +72,20 @@ def test_an_end_of_the_strands_behind_is_a_walks(strands: float, behind: float) 
 
     returned = 2 * np.pi * walked.weight[walked.behind].sum() / walked.count
     assert quadrature(back, 0.3)[0] == pytest.approx(returned, rel=0.08)
+
+
+@pytest.mark.parametrize("name", ["blond", "red"])
+@pytest.mark.parametrize("degrees", [0, -55])
+def test_what_hair_passes_on_is_a_walks(name: str, degrees: float) -> None:
+    fibre, c = FIBRES[name], CHANNEL.get(name, 0)
+    tables, theta, count = through_tables(fibre), np.radians(degrees), 200_000
+    sheets, random = ([np.exp(np.interp(theta, Directions().theta, row)) for row in kind[..., c]] for kind in tables.passed)
+    for slot, n in ((1, 1), (2, 2), (3, 4)):
+        want = passed(fibre, fibre.absorption[c], theta, np.full(count, n))
+        assert sheets[slot] == pytest.approx(want, rel=0.02, abs=1e-3)
+    drawn = np.random.default_rng(5).poisson(2.0, count)
+    want = passed(fibre, fibre.absorption[c], theta, drawn[drawn > 0])  # light that meets a strand
+    assert random[2] == pytest.approx(want, rel=0.02, abs=1e-3)
 
 
 def test_where_azimuth_is_even_at_every_strand_it_is_the_papers_premise() -> None:

@@ -35,6 +35,38 @@ template <class Float, size_t Channels> class BrightnessRatio {
     bool known() const { return m_known; }
     void forget() { m_known = false; }
 
+    // Adds what rays have found, where `used`: light in each channel. What is not finite is left out.
+    static void collect(const dr::mask_t<Float> &used, const Point &p, const std::array<Float, Channels> &path,
+                        const std::array<Float, Channels> &dual, std::vector<Sample> &found) {
+        const auto host = [](const auto &x) {
+            if constexpr (dr::is_jit_v<Float>) {
+                auto y = dr::migrate(x, JitBackend::None);
+                dr::sync_thread();
+                return y;
+            } else {
+                return std::array<std::decay_t<decltype(x)>, 1>{x};
+            }
+        };
+        const auto on = host(used);
+        const auto x = host(p.x()), y = host(p.y()), z = host(p.z());
+        std::array<std::decay_t<decltype(x)>, Channels> paths, duals;
+        for (size_t c = 0; c < Channels; ++c) {
+            paths[c] = host(path[c]);
+            duals[c] = host(dual[c]);
+        }
+        for (size_t k = 0; k < on.size(); ++k) {
+            if (!on[k]) continue;
+            Sample s{{float(x[k]), float(y[k]), float(z[k])}, {}, {}};
+            bool finite = true;
+            for (size_t c = 0; c < Channels; ++c) {
+                s.path[c] = float(paths[c][k]);
+                s.dual[c] = float(duals[c][k]);
+                finite &= std::isfinite(s.path[c]) && std::isfinite(s.dual[c]);
+            }
+            if (finite) found.push_back(s);
+        }
+    }
+
     // The standard error of Σ path / Σ dual, relative; NaN where nothing was met.
     static double error(const std::vector<Sample> &samples) {
         double path = 0, dual = 0, squares = 0;

@@ -86,6 +86,9 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
 
     UnpolarizedSpectrum scattered(const BSDFContext &ctx, const SurfaceInteraction3f &si, const Float &theta_i,
                                   const Angles &r, const Float &phi, Mask active) const override {
+        if (cuticle_mitsuba::transmittance(ctx))
+            return per_channel(si, active,
+                               [&, this](const auto &channel) { return this->transmitted(ctx, si, theta_i, channel); });
         const bool surrounded = cuticle_mitsuba::among_strands(ctx);
         const auto table = [&](const FloatBuffer &data) {
             return cuticle::AzimuthalTable<Memory>{cuticle_mitsuba::memory<Float>(data), m_rows, m_columns, m_channels};
@@ -119,6 +122,12 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
             cuticle::add_surroundings(model, channel, theta_i, r.theta, around, cuticle::mask_all, terms);
             return cuticle::sum_around(model, terms, at, r.theta, Float(phi), channel, around);
         };
+        return per_channel(si, active, value) * cuticle::math::cos_theta(theta_i);
+    }
+
+    // A spectrum of a value of each channel: the tables' own, or between two of them.
+    template <class Value>
+    UnpolarizedSpectrum per_channel(const SurfaceInteraction3f &si, const Mask &active, const Value &value) const {
         UnpolarizedSpectrum f(0.f);
         if (m_fixed) {
             for (int j = 0; j < (m_exact_channels == 1 ? 1 : int(dr::size_v<UnpolarizedSpectrum>)); ++j) f[j] = value(j);
@@ -128,7 +137,7 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
             for (size_t j = 0; j < dr::size_v<UnpolarizedSpectrum>; ++j)
                 f[j] = value(cuticle::locate<Float>(m_range, sigma_a[j]));
         }
-        return f * cuticle::math::cos_theta(theta_i);
+        return f;
     }
 
     cuticle::FibreLobes<float> m_fibre;

@@ -84,8 +84,17 @@ template <typename Float, typename Spectrum> class CuticleTable final : public H
     UnpolarizedSpectrum scattered(const BSDFContext &ctx, const SurfaceInteraction3f &si, const Float &theta_i,
                                   const Angles &r, const Float &phi, Mask active) const override {
         Float f[most_channels];
+        if (cuticle_mitsuba::transmittance(ctx)) {
+            for (int c = 0; c < m_alone.channels; ++c) f[c] = Base::transmitted(ctx, si, theta_i, c);
+            return spectrum(si, f, active);
+        }
         if (cuticle_mitsuba::among_strands(ctx)) m_among.eval(theta_i, r.theta, phi, cuticle_mitsuba::around(si).strands, f);
         else m_alone.eval(theta_i, r.theta, phi, Float(0), f);
+        return spectrum(si, f, active) * cuticle::math::cos_theta(theta_i);
+    }
+
+    // Of the channels' values.
+    UnpolarizedSpectrum spectrum(const SurfaceInteraction3f &si, const Float *f, const Mask &active) const {
         UnpolarizedSpectrum result(f[0]);
         if (m_alone.channels == 3) {
             if constexpr (is_spectral_v<Spectrum>) {
@@ -95,7 +104,7 @@ template <typename Float, typename Spectrum> class CuticleTable final : public H
                 for (int c = 0; c < 3; ++c) result[size_t(c)] = f[c];
             }
         }
-        return result * cuticle::math::cos_theta(theta_i);
+        return result;
     }
 
     Table m_alone, m_among;

@@ -2,7 +2,7 @@
 //
 // For each direction toward a light it finds n, the strands in between, and applies f for n of the strand's BSDF. Emitter
 // and BSDF sampling are combined; the BSDF draws from a mixture that needs no n, since n is known only along a direction.
-// Whatever is not hair is lit as Mitsuba's `direct` does, and casts shadows on hair.
+// Whatever is not hair is lit as Mitsuba's `direct` does, through hair too, and casts shadows on hair.
 //
 // Light on crooked ways is not in f. Either a coarse pass of paths tells by how much they are brighter, in each region
 // (brightness.h), or `bounces` segments are traced as a path, and dual scattering lights its last vertex only.
@@ -70,7 +70,7 @@ template <typename Float, typename Spectrum> class DualScattering final : public
         auto [path, si] = trace(scene, sampler, ray, m_bounces, active);
         Spectrum last = lit(scene, sampler, si, path);
         if (m_ratio.known() && dr::any_or<true>(path.going)) {
-            const Mask hair = path.going && is_hair(si.bsdf(path.ray));
+            const Mask hair = path.going && m_around.is_hair(si.bsdf(path.ray));
             last[hair] *= ratio(si.p, hair);
         }
         path.result[path.going] += path.throughput * last;
@@ -130,8 +130,6 @@ template <typename Float, typename Spectrum> class DualScattering final : public
         return {path, si};
     }
 
-    static Mask is_hair(const BSDFPtr &bsdf) { return (bsdf->flags() & cuticle_mitsuba::hair_flag) != 0u; }
-
     // What paths from the sensor are brighter by than dual scattering where they meet hair.
     void compare(Scene *scene, Sensor *sensor, const UInt32 &seed, uint32_t spp) {
         m_ratio.forget();
@@ -174,7 +172,7 @@ template <typename Float, typename Spectrum> class DualScattering final : public
         auto [none, si] = trace(scene, sampler, ray, 0, true);
         Mask hair = none.going;
         if (dr::none_or<false>(hair)) return;
-        hair &= is_hair(si.bsdf(ray));
+        hair &= m_around.is_hair(si.bsdf(ray));
         if (dr::none_or<false>(hair)) return;
         // Paths cost several times as much.
         Spectrum sum(0.f);
@@ -183,33 +181,7 @@ template <typename Float, typename Spectrum> class DualScattering final : public
         auto [path, end] = trace(scene, sampler, ray, path_bounces, hair);
         const Spectrum rest = path.throughput * lit(scene, sampler, end, path);
         const Colours full = colours(unpolarized_spectrum(weight * (path.result + dr::select(path.going, rest, 0.f))));
-        const auto host = [](const auto &x) {
-            if constexpr (dr::is_jit_v<Float>) {
-                auto y = dr::migrate(x, JitBackend::None);
-                dr::sync_thread();
-                return y;
-            } else {
-                return std::array<std::decay_t<decltype(x)>, 1>{x};
-            }
-        };
-        const auto used = host(hair);
-        const auto x = host(si.p.x()), y = host(si.p.y()), z = host(si.p.z());
-        std::array<decltype(host(dual[0])), channels> p, d;
-        for (size_t c = 0; c < channels; ++c) {
-            p[c] = host(full[c]);
-            d[c] = host(dual[c]);
-        }
-        for (size_t k = 0; k < used.size(); ++k) {
-            if (!used[k]) continue;
-            typename Ratio::Sample s{{float(x[k]), float(y[k]), float(z[k])}, {}, {}};
-            bool finite = true;
-            for (size_t c = 0; c < channels; ++c) {
-                s.path[c] = float(p[c][k]);
-                s.dual[c] = float(d[c][k]);
-                finite &= std::isfinite(s.path[c]) && std::isfinite(s.dual[c]);
-            }
-            if (finite) found.push_back(s);
-        }
+        Ratio::collect(hair, si.p, full, dual, found);
     }
 
     static Colours colours(const UnpolarizedSpectrum &s) {
@@ -301,7 +273,7 @@ template <typename Float, typename Spectrum> class DualScattering final : public
             const Around around = m_around.strands_between(scene, toward, hair, seen, lit, sampler);
             const Vector3f wo = si.to_local(ds.d);
             auto [value, pdf] = eval_pdf(bsdf, si, wo, around, hair, lit);
-            value = si.to_world_mueller(value, -wo, si.wi);
+            value = si.to_world_mueller(value, -wo, si.wi) * m_around.transmittance(scene, toward, lit && !hair, sampler);
             const Float weight = dr::select(ds.delta, Float(1.f), power(ds.pdf * emitter_share, pdf * bsdf_share)) /
                                  ScalarFloat(m_emitter_samples);
             result[lit] += weight * value * light;
@@ -314,18 +286,20 @@ template <typename Float, typename Spectrum> class DualScattering final : public
             auto [bs, value] = draw(bsdf, si, u, u2, hair, active);
             Mask used = active && bs.pdf > 0.f && (hair || dr::any(unpolarized_spectrum(value) != 0.f));
             const Ray3f toward = si.spawn_ray(si.to_world(bs.wo));
-            const SurfaceInteraction3f si_light = m_around.beyond_hair(scene, toward, hair, used);
+            // A mirror shows the hair itself.
+            const Mask sharp = has_flag(bs.sampled_type, BSDFFlags::Delta);
+            const SurfaceInteraction3f si_light = m_around.beyond_hair(scene, toward, !sharp, used);
             const EmitterPtr emitter = si_light.emitter(scene, used);
             used &= emitter != nullptr;
             if (dr::none_or<false>(used)) continue;
             const Spectrum light = emitter->eval(si_light, used);
             DirectionSample3f ds(scene, si_light, si);
-            const Float emitter_pdf =
-                dr::select(has_flag(bs.sampled_type, BSDFFlags::Delta), 0.f, scene->pdf_emitter_direction(si, ds, used));
+            const Float emitter_pdf = dr::select(sharp, 0.f, scene->pdf_emitter_direction(si, ds, used));
+            Ray3f up_to = toward;
+            up_to.maxt =
+                dr::select(si_light.is_valid(), si_light.t * (1.f - math::ShadowEpsilon<Float>), dr::Largest<Float>);
+            value *= m_around.transmittance(scene, up_to, used && !hair && !sharp, sampler);
             if (dr::any_or<true>(hair && used)) {
-                Ray3f up_to = toward;
-                up_to.maxt =
-                    dr::select(si_light.is_valid(), si_light.t * (1.f - math::ShadowEpsilon<Float>), dr::Largest<Float>);
                 // Beyond the hair nothing stands in the way: beyond_hair found the light itself.
                 const Around around = m_around.count(scene, up_to, seen, hair && used, sampler);
                 const Spectrum f = eval_pdf(bsdf, si, bs.wo, around, hair, hair && used).first;

@@ -102,6 +102,13 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
         if (props.has_property("single")) m_single.set(props.get_any<TensorXf>("single"), props.get<bool>("single_even"));
         if (props.has_property("combined"))
             m_combined.set(props.get_any<TensorXf>("combined"), props.get<bool>("combined_even"));
+        if (props.has_property("transmittance")) {
+            const TensorXf &logs = props.get_any<TensorXf>("transmittance");
+            m_transmittance_rows = int(logs.shape(2));
+            m_transmittance_channels = int(logs.shape(3));
+            m_transmittance_limit = props.get<ScalarFloat>("transmittance_limit");
+            m_transmittance = logs.array();
+        }
         m_about = props.get<std::string>("about");
         if (!props.has_property("scene")) return;
         m_scene = props.get_any<Properties>("scene");
@@ -116,7 +123,9 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
     // their place in memory, which whoever traversed them holds.
     virtual void adopt(const HairBSDF &made) {
         std::copy(made.m_numbers.begin(), made.m_numbers.end(), m_numbers.begin());
-        const auto rest = [](auto &b) { return std::tie(b.m_single, b.m_combined, b.m_about, b.m_scene); };
+        const auto rest = [](auto &b) {
+            return std::tie(b.m_single, b.m_combined, b.m_about, b.m_scene, b.m_transmittance);
+        };
         rest(*this) = rest(made);
         m_flags = made.m_flags | (m_flags & +BSDFFlags::SpatiallyVarying);
     }
@@ -134,7 +143,7 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
     };
 
     // For a viewer at r; phi is measured from its azimuth.
-    // f cos(theta_i): of the strand alone or, where the context says so, of a strand among others.
+    // f cos(theta_i): of the strand alone or, where the context says so, of a strand among others; or the transmittance.
     virtual UnpolarizedSpectrum scattered(const BSDFContext &ctx, const SurfaceInteraction3f &si, const Float &theta_i,
                                           const Angles &r, const Float &phi, Mask active) const = 0;
 
@@ -151,6 +160,19 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
                           const Float &phi, Mask) const {
         const auto &mixture = mixture_of(ctx);
         return mixture.empty() ? dr::InvFourPi<Float> : mixture.pdf(theta_i, r.theta, phi);
+    }
+
+    // What hair passes on of light that meets this strand, in a channel.
+    template <class Channel>
+    Float transmitted(const BSDFContext &ctx, const SurfaceInteraction3f &si, const Float &theta_i,
+                      const Channel &channel) const {
+        const cuticle::TransmittanceTable<float, cuticle_mitsuba::Memory<Float>> table{
+            cuticle_mitsuba::memory<Float>(m_transmittance), m_transmittance_rows, m_transmittance_channels,
+            m_transmittance_limit};
+        const auto others = cuticle_mitsuba::around(si);
+        const bool random = cuticle_mitsuba::expected(ctx);
+        return cuticle::transmittance(table, theta_i, random ? others.expected : others.strands,
+                                      random ? cuticle::random_strands : cuticle::counted_sheets, channel);
     }
 
     std::string m_about;
@@ -174,8 +196,11 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
     cuticle_mitsuba::Mixture<Float> m_single, m_combined;
     Properties m_scene;  // by which Python makes this BSDF
     std::vector<Number> m_numbers;
+    DynamicBuffer<Float> m_transmittance;
+    int m_transmittance_rows = 0, m_transmittance_channels = 0;
+    float m_transmittance_limit = 1;
 
-    MI_TRAVERSE_CB(Base, m_single.m_nodes, m_combined.m_nodes)
+    MI_TRAVERSE_CB(Base, m_single.m_nodes, m_combined.m_nodes, m_transmittance)
 };
 
 // Gives a texture the values of another of its kind, in place: whoever traversed it holds it.

@@ -7,6 +7,7 @@
 #include <mitsuba/render/shape.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -18,11 +19,15 @@
 
 namespace cuticle_mitsuba {
 
-// The control points (x y z radius each) and the first control point of each cubic segment, read off a shape.
+// The control points (x y z radius each) and the first control point of each cubic segment, read off a shape; `places` are
+// the rows of the 3 x 4 matrices that move them into the scene.
 template <class Float> class CurveReader final : public mitsuba::TraversalCallback {
   public:
+    using Place = std::array<float, 12>;
+    const mitsuba::Object *shape = nullptr;
     std::vector<float> points;
     std::vector<uint32_t> segments;
+    std::vector<Place> places;
 
     bool found() const { return !points.empty() && !segments.empty(); }
 
@@ -47,14 +52,22 @@ template <class Float> class HairGrid {
     using Mask = dr::mask_t<Float>;
 
   public:
-    // Adds a shape's curves; false where it has none that can be read.
-    template <class Shape> bool add(Shape *shape) {
-        CurveReader<Float> reader;
-        shape->traverse(&reader);
-        if (!reader.found()) return false;
-        for (const uint32_t first : reader.segments)
-            if ((size_t(first) + 4) * 4 > reader.points.size()) return false;
-        m_curves.push_back(std::move(reader));
+    // Adds a shape's curves, moved by a transform; false where it has none that can be read.
+    template <class Shape, class Transform> bool add(Shape *shape, const Transform &to_world) {
+        auto known = std::find_if(m_curves.begin(), m_curves.end(), [&](const auto &c) { return c.shape == shape; });
+        if (known == m_curves.end()) {
+            CurveReader<Float> reader;
+            reader.shape = shape;
+            shape->traverse(&reader);
+            if (!reader.found()) return false;
+            for (const uint32_t first : reader.segments)
+                if ((size_t(first) + 4) * 4 > reader.points.size()) return false;
+            m_curves.push_back(std::move(reader));
+            known = m_curves.end() - 1;
+        }
+        typename CurveReader<Float>::Place place;
+        for (size_t k = 0; k < place.size(); ++k) place[k] = float(to_world.matrix(k / 4, k % 4));
+        known->places.push_back(place);
         return true;
     }
 
@@ -66,12 +79,15 @@ template <class Float> class HairGrid {
     void build(int cells) {
         uint64_t mark = 1469598103934665603u;  // FNV-1a, a word at a time
         const auto add_word = [&mark](uint32_t bits) { mark = (mark ^ bits) * 1099511628211u; };
+        const auto add_float = [&](float x) {
+            uint32_t bits;
+            std::memcpy(&bits, &x, sizeof bits);
+            add_word(bits);
+        };
         for (const auto &curves : m_curves) {
-            for (const float x : curves.points) {
-                uint32_t bits;
-                std::memcpy(&bits, &x, sizeof bits);
-                add_word(bits);
-            }
+            for (const float x : curves.points) add_float(x);
+            for (const auto &place : curves.places)
+                for (const float x : place) add_float(x);
             for (const uint32_t first : curves.segments) add_word(first);
         }
         if (mark != m_mark) deposit(cells);
@@ -126,38 +142,47 @@ template <class Float> class HairGrid {
         for (int a = 0; a < 4; ++a) out[a] = w[0] * p[a] + w[1] * p[4 + a] + w[2] * p[8 + a] + w[3] * p[12 + a];
     }
 
-    // Straight pieces of all curves: from, to, radius.
-    std::vector<float> straight() const {
-        std::vector<float> all;
+    // Calls use(from, to, radius) for the straight pieces of all curves, wherever they stand.
+    template <class Use> void each_piece(const Use &use) const {
         for (const auto &curves : m_curves)
-            for (const uint32_t first : curves.segments) {
-                const float *p = curves.points.data() + 4 * size_t(first);
-                float from[4];
-                spline(p, 0, from);
-                for (int k = 1; k <= pieces; ++k) {
-                    float to[4];
-                    spline(p, float(k) / pieces, to);
-                    all.insert(all.end(), {from[0], from[1], from[2], to[0], to[1], to[2], .5f * (from[3] + to[3])});
-                    std::copy(to, to + 4, from);
+            for (const auto &place : curves.places) {
+                const auto row = [&](size_t a) { return &place[4 * a]; };
+                const float volume = row(0)[0] * (row(1)[1] * row(2)[2] - row(1)[2] * row(2)[1]) -
+                                     row(0)[1] * (row(1)[0] * row(2)[2] - row(1)[2] * row(2)[0]) +
+                                     row(0)[2] * (row(1)[0] * row(2)[1] - row(1)[1] * row(2)[0]);
+                const float scale = std::cbrt(std::abs(volume));
+                for (const uint32_t first : curves.segments) {
+                    float p[16];
+                    for (size_t k = 0; k < 4; ++k) {
+                        const float *c = curves.points.data() + 4 * (size_t(first) + k);
+                        for (size_t a = 0; a < 3; ++a)
+                            p[4 * k + a] = row(a)[0] * c[0] + row(a)[1] * c[1] + row(a)[2] * c[2] + row(a)[3];
+                        p[4 * k + 3] = scale * c[3];
+                    }
+                    float from[4], to[4];
+                    spline(p, 0, from);
+                    for (int k = 1; k <= pieces; ++k) {
+                        spline(p, float(k) / pieces, to);
+                        use(from, to, .5f * (from[3] + to[3]));
+                        std::copy(to, to + 4, from);
+                    }
                 }
             }
-        return all;
     }
 
     void deposit(int cells) {
-        const std::vector<float> parts = straight();
         float low[3], high[3], widest = 0, longest = 0;
         for (int a = 0; a < 3; ++a) {
             low[a] = std::numeric_limits<float>::max();
             high[a] = std::numeric_limits<float>::lowest();
         }
-        for (size_t i = 0; i < parts.size(); i += 7) {
+        each_piece([&](const float *from, const float *to, float radius) {
             for (size_t a = 0; a < 3; ++a) {
-                low[a] = std::min({low[a], parts[i + a], parts[i + 3 + a]});
-                high[a] = std::max({high[a], parts[i + a], parts[i + 3 + a]});
+                low[a] = std::min({low[a], from[a], to[a]});
+                high[a] = std::max({high[a], from[a], to[a]});
             }
-            widest = std::max(widest, parts[i + 6]);
-        }
+            widest = std::max(widest, radius);
+        });
         for (int a = 0; a < 3; ++a) {
             low[a] -= widest;
             high[a] += widest;
@@ -172,8 +197,9 @@ template <class Float> class HairGrid {
         }
         std::vector<float> values(count, 0.f);
         m_grid.cells = values.data();
-        for (size_t i = 0; i < parts.size(); i += 7)
-            cuticle::deposit_strand(m_grid, values.data(), &parts[i], &parts[i + 3], parts[i + 6]);
+        each_piece([&](const float *from, const float *to, float radius) {
+            cuticle::deposit_strand(m_grid, values.data(), from, to, radius);
+        });
         m_values = dr::load<Buffer<Float>>(values.data(), values.size());
         count = cuticle::density_columns;
         m_rough = m_grid;

@@ -8,8 +8,9 @@
 namespace cuticle_mitsuba {
 
 // Bits of the context's type mask that no lobe type has: a strand stands among others; only a direction is asked for; how
-// many others is what a density expects.
+// many others is what a density expects; instead of f, what hair passes on of light from wo that met this strand.
 constexpr uint32_t among_strands_bit = 1u << 31, direction_only_bit = 1u << 30, expected_bit = 1u << 29;
+constexpr uint32_t transmittance_bit = 1u << 28;
 
 // Flags of the BSDF that none of Mitsuba's has: it answers to such a context; it knows its mean over what is expected.
 constexpr uint32_t hair_flag = 1u << 31, mean_flag = 1u << 30;
@@ -24,7 +25,7 @@ inline bool has_bit(const mitsuba::BSDFContext &context, uint32_t bit) {
 }
 inline bool among_strands(const mitsuba::BSDFContext &context) { return has_bit(context, among_strands_bit); }
 inline bool direction_only(const mitsuba::BSDFContext &context) { return has_bit(context, direction_only_bit); }
-
+inline bool transmittance(const mitsuba::BSDFContext &context) { return has_bit(context, transmittance_bit); }
 inline bool expected(const mitsuba::BSDFContext &context) { return has_bit(context, expected_bit); }
 
 // What the interaction carries, where texture differentials travel, which no ray to a light has.

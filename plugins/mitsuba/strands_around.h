@@ -14,13 +14,14 @@
 #include <vector>
 
 #include "hair_grid.h"
+#include "instances.h"
 #include "strands.h"
 
 NAMESPACE_BEGIN(mitsuba)
 
 template <typename Float, typename Spectrum> class StrandsAround {
   public:
-    MI_IMPORT_TYPES(Scene, Sampler, Shape, EmitterPtr, BSDFPtr)
+    MI_IMPORT_TYPES(Scene, Sampler, Shape, ShapeGroup, EmitterPtr, BSDFPtr)
     using Around = cuticle_mitsuba::Around<Float>;
 
     // How strands are counted: from hit to hit, up to `most`, or in a grid of so many cells; those behind, too.
@@ -47,15 +48,23 @@ template <typename Float, typename Spectrum> class StrandsAround {
         m_draws = false;
         m_box.reset();
         for (const ref<Shape> &shape : scene->shapes()) {
-            const uint32_t flags = shape->bsdf() ? shape->bsdf()->flags() : 0u;
-            if (flags & cuticle_mitsuba::hair_flag) {
-                all_read = all_read && grid.add(const_cast<Shape *>(shape.get()));
+            const Placed<Float, Spectrum> placed(scene, shape);
+            size_t hairs = 0;
+            for (const ref<Shape> &part : placed.parts) {
+                const uint32_t flags = part->bsdf() ? part->bsdf()->flags() : 0u;
+                if (!(flags & cuticle_mitsuba::hair_flag)) continue;
+                ++hairs;
+                all_read = all_read && grid.add(const_cast<Shape *>(part.get()), placed.to_world);
                 if (!trace && !all_read)
                     Throw(
                         "dual_scattering: hair must be a bsplinecurve for counter = grid, got %s; use bsplinecurve, or "
                         "counter = trace",
-                        shape->class_name());
+                        part->class_name());
                 m_draws = m_draws || !(flags & cuticle_mitsuba::mean_flag);
+            }
+            if (hairs > 0) {
+                if (hairs < placed.parts.size())
+                    Throw("dual_scattering: a shapegroup must hold hair or other shapes, not both; make it two of them");
                 some_hair = true;
                 m_box.expand(shape->bbox());
             } else {
@@ -71,6 +80,8 @@ template <typename Float, typename Spectrum> class StrandsAround {
         if (m_has_grid) grid.build(cells);
         else grid.clear();
         if (!kept.empty() && some_hair) {
+            for (const auto &group : scene->shapegroups())
+                others.set("group" + std::string(group->id()), ref<Object>(const_cast<ShapeGroup *>(group.get())));
             m_others = new Scene(others);
             // The shapes stay the first scene's.
             for (const ref<Shape> &shape : kept)
@@ -81,16 +92,31 @@ template <typename Float, typename Spectrum> class StrandsAround {
     }
 
     // Strands around a hair on its way to the light (elsewhere none), from the hair's edge where it is seen or from within;
-    // `lit` loses what stands in the shadow of something else.
+    // `lit` loses what stands in the shadow of something that is no hair.
     Around strands_between(const Scene *scene, const Ray3f &toward, const Mask &hair, const Mask &at_edge, Mask &lit,
                            Sampler *sampler) const {
-        const Mask on_hair = hair && lit, elsewhere = lit && !hair;
-        if (dr::any_or<true>(elsewhere)) lit &= !(elsewhere && scene->ray_test(toward, false, elsewhere));
-        if (m_others && !trace) lit &= !(on_hair && m_others->ray_test(toward, false, on_hair));
-        const Around around = count(scene, toward, at_edge, on_hair && lit, sampler);
+        if (!m_some_hair) lit &= !scene->ray_test(toward, false, lit);
+        else if (m_others) lit &= !m_others->ray_test(toward, false, lit);
+        const Around around = count(scene, toward, at_edge, hair && lit, sampler);
         lit &= around.strands >= 0.f;
         return around;
     }
+
+    // What hair passes on of the light along a ray that starts on no hair. A ray that meets no strand loses nothing.
+    Spectrum transmittance(const Scene *scene, const Ray3f &toward, const Mask &active, Sampler *sampler) const {
+        Spectrum passed(1.f);
+        if (!m_some_hair || dr::none_or<false>(active)) return passed;
+        SurfaceInteraction3f si = scene->ray_intersect(toward, +RayFlags::All, false, active);
+        const Mask met = active && si.is_valid() && is_hair(si.bsdf());
+        if (dr::none_or<false>(met)) return passed;
+        cuticle_mitsuba::set_around(si, count(scene, toward, false, met, sampler));
+        const uint32_t random = trace ? 0u : cuticle_mitsuba::expected_bit;
+        const auto context = cuticle_mitsuba::among_strands_context(cuticle_mitsuba::transmittance_bit | random);
+        dr::masked(passed, met) = si.bsdf()->eval(context, si, si.to_local(toward.d), met);
+        return passed;
+    }
+
+    static Mask is_hair(const BSDFPtr &bsdf) { return (bsdf->flags() & cuticle_mitsuba::hair_flag) != 0u; }
 
     // Strands toward the light, -1 where something that is no hair blocks the way (found while tracing only), and beyond.
     Around count(const Scene *scene, const Ray3f &toward, const Mask &at_edge, const Mask &active, Sampler *sampler) const {
@@ -111,17 +137,17 @@ template <typename Float, typename Spectrum> class StrandsAround {
         return around;
     }
 
-    // The first thing along a ray that is not hair, for rays that start on hair; the first thing for all others.
-    SurfaceInteraction3f beyond_hair(const Scene *scene, const Ray3f &ray, const Mask &hair, const Mask &active) const {
+    // The first thing along a ray that is not hair, or where it is not to be looked through the first thing.
+    SurfaceInteraction3f beyond_hair(const Scene *scene, const Ray3f &ray, const Mask &through, const Mask &active) const {
         SurfaceInteraction3f si = dr::zeros<SurfaceInteraction3f>();
         si.wi = -ray.d;
         si.time = ray.time;
         si.wavelengths = ray.wavelengths;
         si.t = dr::Infinity<Float>;
-        const Mask on_hair = active && hair, elsewhere = active && !hair;
-        if (m_others && dr::any_or<true>(on_hair)) {
-            const SurfaceInteraction3f found = m_others->ray_intersect(ray, +RayFlags::All, false, on_hair);
-            dr::masked(si, on_hair) = found;
+        const Mask beyond = active && through && m_some_hair, elsewhere = active && !beyond;
+        if (m_others && dr::any_or<true>(beyond)) {
+            const SurfaceInteraction3f found = m_others->ray_intersect(ray, +RayFlags::All, false, beyond);
+            dr::masked(si, beyond) = found;
         }
         if (dr::any_or<true>(elsewhere)) {
             const SurfaceInteraction3f found = scene->ray_intersect(ray, +RayFlags::All, false, elsewhere);
@@ -153,18 +179,18 @@ template <typename Float, typename Spectrum> class StrandsAround {
             dr::make_tuple(start, Float(0.f), Mask(active)),
             [](const Ray3f &, const Float &, const Mask &going) { return going; },
             [this, scene](Ray3f &ray, Float &n, Mask &going) {
-                const auto pi = scene->ray_intersect_preliminary(ray, false, going);
-                const Mask hit = going && pi.is_valid();
+                // What an instance repeats is known to the whole interaction only.
+                const SurfaceInteraction3f si = scene->ray_intersect(ray, +RayFlags::Minimal, false, going);
+                const Mask hit = going && si.is_valid();
                 if (dr::none_or<false>(hit)) {
                     going = false;
                     return;
                 }
-                const BSDFPtr bsdf = pi.shape->bsdf();
-                const Mask hair = hit && (bsdf->flags() & cuticle_mitsuba::hair_flag) != 0u;
+                const Mask hair = hit && is_hair(si.shape->bsdf());
                 dr::masked(n, hair) = n + 1.f;
                 dr::masked(n, hit && !hair) = -1.f;
                 going = hair && n < ScalarFloat(most);
-                const Float step = pi.t * (1.f + math::RayEpsilon<Float>)+math::RayEpsilon<Float>;
+                const Float step = si.t * (1.f + math::RayEpsilon<Float>)+math::RayEpsilon<Float>;
                 dr::masked(ray.o, going) = ray(step);
                 dr::masked(ray.maxt, going) = ray.maxt - step;
                 going &= ray.maxt > 0.f;

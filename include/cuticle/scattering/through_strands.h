@@ -158,6 +158,31 @@ CUTICLE_HD Float add_through(Float sum, const ThroughTable<Scalar, Memory> &tabl
     return sum + lobes[through_parts] * value(first, through_parts - 1);
 }
 
+// What hair passes on of light that meets some of it: ln of its energy in all directions on, out of 1, for rows of
+// inclination theta_i of the light.
+template <class Scalar, class Memory = const Scalar *> struct TransmittanceTable {
+    Memory logs;  // [arrangement][0 (sheets: 1), 1, 2, 4, 8 and 16 strands][row][channel], theta_i from -limit to limit
+    int rows, channels;
+    Scalar limit;
+};
+
+// Of light that met a strand: `strands` in all where they are counted, or expected of a Poisson number of them.
+template <class Float, class Scalar, class Memory, class Channel>
+CUTICLE_HD Float transmittance(const TransmittanceTable<Scalar, Memory> &table, const Float &theta_i, const Float &strands,
+                               Arrangement arrangement, const Channel &channel) {
+    using Index = typename ArrayTraits<Float>::Index;
+    const StrandsPlace<Float> at = locate_strands(strands);
+    const Place<Float> row = locate_viewer(theta_i, table.rows, Float(table.limit));
+    const int slot = table.rows * table.channels;
+    const Index lower =
+        (at.node + Index(arrangement * (through_slots - 1))) * Index(slot) + row.node * Index(table.channels);
+    const auto value = [&](const Index &i) {
+        return math::linear(channel_value<Float>(table.logs, i, channel),
+                            channel_value<Float>(table.logs, Index(i + Index(table.channels)), channel), row.t);
+    };
+    return through_energy(value(lower), value(Index(lower + Index(slot))), Float(0), at);
+}
+
 }  // namespace cuticle
 
 #endif  // CUTICLE_SCATTERING_THROUGH_STRANDS_H

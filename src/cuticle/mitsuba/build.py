@@ -113,8 +113,9 @@ def _closed_forms(props: Any, fibre: Fibre | Chiang) -> None:
     props["sigma_a_ratio"] = _RATIO
     props["direct"] = _tensor(tables.single.tables.direct)
     if tables.model is not None:
+        through = through_tables(tables.model.fibre)
+        props["transmittance"], props["transmittance_limit"] = _tensor(through.passed), through.limit
         if tables.model.formulation == "exact":
-            through = through_tables(tables.model.fibre)
             props["through_lobes"], props["through_azimuth"] = _tensor(through.lobes), _tensor(through.azimuth)
             props["through_behind"], props["through_limit"] = _tensor(through.behind), through.limit
         else:
@@ -151,6 +152,9 @@ def _function_tables(props: Any, material: Material) -> None:
             props[prefix + name] = _tensor(getattr(table, name))
         for name in ("reach", "stretch", "even"):
             props[prefix + name] = getattr(table, name)
+    if material.among is not None:
+        passed, limit = material.among.passed
+        props["transmittance"], props["transmittance_limit"] = _tensor(passed), limit
     if mi.is_spectral and table.channels == 3:
         for name, primary in zip(("red", "green", "blue"), np.eye(3).tolist(), strict=True):
             props[name] = _spectrum(tuple(primary))

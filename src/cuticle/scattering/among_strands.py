@@ -17,6 +17,7 @@ from cuticle.scattering.bcsdf import Bcsdf, Plotted, check_model, is_even
 from cuticle.scattering.registry import classes, first_class
 from cuticle.scattering.strand_transport import Directions, Scattering, StrandTransport
 from cuticle.scattering.tabulated import Tabulated
+from cuticle.scattering.through_strands import transmittance_table
 
 Array = NDArray[np.float64]
 _DARKEST = -230.0  # ln of the least energy that keeps its shape
@@ -138,6 +139,11 @@ class Strands(Value, Plotted):
                 " some does"
             )
         return [StrandTransport([s]) for s in single]
+
+    @property
+    def passed(self) -> tuple[Array, float]:
+        """What `transmittance_table` returns, and the largest inclination of its rows, radians."""
+        return transmittance_table(self._transports), float(self._directions.theta[-1])
 
     def _through(self, count: int, past: float = 0.0) -> _Energies:
         """F through a number of strands, `past` of the way from `count` to the next; of 0, the backscatter alone."""

@@ -270,6 +270,22 @@ class StrandTransport:
             at = step @ at
         return self._seen(scattered, (below if medium else below @ sheet) @ np.hstack(arrived))
 
+    def passed(self, doublings: int) -> Array:
+        """Return what 1, 2, 4, ... sheets pass on of light that falls in at azimuth 0, shape (doublings + 1, rows).
+
+        Energy, out of 1, in all directions on: f is the same for light's way back, which the columns about azimuth 0 follow.
+        Nothing stands behind the sheets.
+        """
+        d, on, back = self.directions, self._on, self._back
+        about = range(1, 2) if d.even else range(d.columns, d.columns + 2)
+        passed = []
+        for k in range(doublings + 1):
+            if k:
+                on, back = _doubled(on, back)
+            whole = on[:, d.rows :].sum(axis=1).reshape(-1, d.rows)
+            passed.append(whole[about].mean(axis=0))
+        return np.array(passed)
+
     def one_behind(self) -> Array:
         """Return what changes where sheets have an end, shape (3, rows).
 

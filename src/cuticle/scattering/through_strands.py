@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
+from scipy.stats import poisson
 
 from cuticle import _core
 from cuticle.scattering.azimuthal import azimuthal_tables
@@ -19,6 +21,7 @@ Array = NDArray[np.float64]
 # The core's nodes, 0, 1, 2, 4, 8 and 16 strands, and halfway between them.
 _COUNTS = (0, 1, 2, 3, 4, 6, 8, 12, 16)
 _DEPTHS = (0, 1 / 16, 1 / 8, 1 / 2, 1, 3 / 2, 2, 3, 4, 6, 8, 12, 16)
+_SHEETS = (1, 2, 4, 8, 16)
 _AZIMUTH_ROWS = 4  # rows of the transport for one of the azimuth table
 _DARKEST = -230.0  # ln of the least energy that keeps its shape
 _APART = math.log(1.6)  # between absorptions that are solved; those between are interpolated
@@ -35,12 +38,14 @@ class ThroughTables(NamedTuple):
     - `behind`, (rows, 3, channels): the rates at which the backscatter of direct and of scattered light grows with the
       strands behind, out of a half space's; and what comes through strands where none stands behind, out of what does
       before a half space.
+    - `passed`: what `transmittance_table` returns.
     """
 
     lobes: Array
     azimuth: Array
     behind: Array
     limit: float
+    passed: Array
 
 
 def through_tables(fibre: Fibre, *, medium: bool = False) -> ThroughTables:
@@ -54,10 +59,11 @@ def _through_tables(fibre: Fibre, medium: bool) -> ThroughTables:
     solved = _solved(absorption)
     direct = azimuthal_tables(fibre.eta, fibre.absorption, float(np.radians(fibre.beta_N)), True).direct
     columns = [_column(fibre, direct[..., int(np.argmax(absorption == a))], medium) for a in solved]
-    lobes, azimuth, behind = (_between(solved, np.stack(x, axis=-1), absorption) for x in zip(*columns, strict=True))
-    for table in (lobes, azimuth, behind):
+    tables = [_between(solved, np.stack(x, axis=-1), absorption) for x in zip(*columns, strict=True)]
+    for table in tables:
         table.setflags(write=False)
-    return ThroughTables(lobes, azimuth, behind, float(Directions().theta[-1]))
+    lobes, azimuth, behind, passed = tables
+    return ThroughTables(lobes, azimuth, behind, float(Directions().theta[-1]), passed)
 
 
 def _solved(absorption: Array) -> Array:
@@ -80,7 +86,7 @@ def _between(solved: Array, values: Array, absorption: Array) -> Array:
     return out
 
 
-def _column(fibre: Fibre, direct: Array, medium: bool) -> tuple[Array, Array, Array]:
+def _column(fibre: Fibre, direct: Array, medium: bool) -> tuple[Array, ...]:
     """The tables of one absorption, without their last axis, from its N: (rows, columns, lobes)."""
     d = Directions()
     transport = StrandTransport(_parts(fibre, direct, d))
@@ -95,7 +101,25 @@ def _column(fibre: Fibre, direct: Array, medium: bool) -> tuple[Array, Array, Ar
     nodes = np.stack([sheets[[0, 1, 1, 2, 4, 6, 8]], random[[0, 1, 4, 6, 8, 10, 12]]])
     halfway = np.stack([[one, half, *sheets[[3, 5, 7]]], random[[3, 5, 7, 9, 11]]])
     # A sheet more leaves 1 - share of what is missing; a Poisson number of them, exp(-share b).
-    return *_lobes_and_azimuth(d, nodes, halfway), transport.one_behind()[:, ::-1].T
+    passed = transmittance_table([transport])[..., 0]
+    return *_lobes_and_azimuth(d, nodes, halfway), transport.one_behind()[:, ::-1].T, passed
+
+
+def transmittance_table(transports: Sequence[StrandTransport]) -> Array:
+    """Return ln of what hair passes on of light, (2, 6, rows, channels), for channels' transports.
+
+    The core's TransmittanceTable views it (through_strands.h): of sheets, and of a Poisson number of them that is not 0; for
+    0 (sheets: 1; a random number: the limit), 1, 2, 4, 8 and 16 strands.
+    """
+    doublings = len(_SHEETS) - 1
+    passed = _log(np.array([t.passed(doublings) for t in transports]))[..., ::-1]  # rows were directions of travel
+    numbers = np.arange(1, 64)
+    # Light falls as 1/(1 + c n) or as a power: nearly straight in ln n either way, between numbers so close.
+    each = np.exp(PchipInterpolator(np.log(_SHEETS), passed, axis=1)(np.log(numbers)))
+    shares = np.array([poisson.pmf(numbers, max(n, 1e-6)) for n in (0, *_SHEETS)])
+    random = np.einsum("sn,cnr->csr", shares / shares.sum(axis=1, keepdims=True), each)
+    sheets = passed[:, [0, *range(doublings + 1)]]
+    return np.moveaxis(np.array([sheets, _log(random)]), 1, -1)
 
 
 def _log(moments: Array) -> Array:

@@ -1,0 +1,327 @@
+"""The integrator `dual_scattering`: light through hair, beside paths and between its own techniques."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cuticle.grooms.groom import Groom
+from cuticle.grooms.procedural import hair_ball
+from cuticle.render.picture import rel_mse, render
+from cuticle.render.scene import Light, View, bsdf, integrator, load_scene
+from rendered import SMALL, UseVariant, mean
+
+if importlib.util.find_spec("mitsuba") is None:
+    pytest.skip("Mitsuba is not installed: pip install 'cuticle[mitsuba]'", allow_module_level=True)
+
+
+@pytest.mark.parametrize("kind", ["env", "studio", "area", "point", "sun"])
+@pytest.mark.parametrize("counter", ["grid", "trace"])
+def test_every_light_reaches_hair_through_hair(kind: str, counter: str, ball: Groom, use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    dual = mean(mi, ball, bsdf("brown"), integrator("dual", counter=counter, correction_paths=0), light=Light(kind))
+    direct = mean(mi, ball, bsdf("brown"), integrator("direct"), light=Light(kind))
+    path = mean(mi, ball, bsdf("brown"), integrator("path", depth=64), light=Light(kind))
+    assert dual[0] > 1.1 * direct[0]  # red; blue hardly comes through
+    assert np.abs(dual / path - 1).max() <= 0.12  # light off the straight line to it is left out
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fibre", ["blond", "brown", "black"])
+def test_dual_scattering_in_diffuse_light_is_as_bright_as_paths(fibre: str, use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    ball = hair_ball(10_000)
+    path = mean(mi, ball, bsdf(fibre), integrator("path", depth=64))
+    for counter in ("grid", "trace"):
+        dual = mean(mi, ball, bsdf(fibre), integrator("dual", counter=counter))
+        assert np.abs(dual / path - 1).max() <= 0.05
+
+
+def test_what_is_seen_is_as_bright_as_paths_are(use_variant: UseVariant) -> None:
+    # Light on crooked ways makes a quarter of a thick ball's.
+    mi, thick = use_variant("scalar_rgb"), hair_ball(20_000).with_thickness(0.003, 0.001)
+
+    def brightness(how: dict[str, Any], spp: int) -> np.ndarray:
+        scene = load_scene(mi, thick, bsdf("blond"), view=SMALL, technique=how, light=Light("area"))
+        image = np.array(mi.render(scene, spp=spp), np.float64)
+        return image[..., :3].sum(axis=(0, 1)) / image[..., 3].sum()
+
+    path = brightness(integrator("path", depth=64), 128)
+    none = brightness(integrator("dual", correction_paths=0), 16)
+    dual = brightness(integrator("dual", correction_paths=1 << 16), 16)
+    assert (none / path).max() <= 0.9
+    assert np.abs(dual / path - 1).max() <= 0.05  # 1.5 % of it noise of the paths
+
+
+def test_few_paths_correct_nothing(ball: Groom, use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+
+    def image(paths: int) -> np.ndarray:
+        how = integrator("dual", correction_paths=paths)
+        return np.array(mi.render(load_scene(mi, ball, bsdf("blond"), view=SMALL, technique=how), spp=4))
+
+    np.testing.assert_array_equal(image(32), image(0))
+    assert not np.array_equal(image(4096), image(0))
+
+
+@pytest.mark.parametrize("variant", ["scalar_rgb", pytest.param("llvm_ad_rgb", marks=pytest.mark.slow)])
+def test_bounces_lead_to_paths(variant: str, ball: Groom, use_variant: UseVariant) -> None:
+    mi, light = use_variant(variant), Light("area")
+    path = mean(mi, ball, bsdf("blond"), integrator("path", depth=64), spp=256, light=light)
+    off = [
+        mean(mi, ball, bsdf("blond"), integrator("dual", bounces=m, correction_paths=0), spp=256, light=light) / path - 1
+        for m in (0, 2, 8)
+    ]
+    assert np.abs(off[0]).max() >= 0.06
+    assert np.abs(off[1:]).max() <= 0.05  # the noise of a difference: 1.4 %
+
+
+@pytest.mark.parametrize("bounces", [1, 64])
+def test_no_light_counts_twice_between_mirrors(bounces: int, strand: Groom, use_variant: UseVariant) -> None:
+    # White hair, mirrors and light from everywhere: all that is seen is 1, whatever the way.
+    mi = use_variant("scalar_rgb")
+    side = mi.ScalarTransform4f().rotate([0, 1, 0], 90).scale(3)
+    mirrors = {
+        f"mirror{k}": {
+            "type": "rectangle",
+            "to_world": mi.ScalarTransform4f().translate([x, 0, 0]) @ side,
+            "bsdf": {"type": "twosided", "bsdf": {"type": "conductor", "material": "none"}},
+        }
+        for k, x in enumerate((-0.8, 0.8))
+    }
+    white = {"type": "cuticle", "sigma_a": 0.0}
+    one = mean(mi, strand, white, integrator("dual", bounces=bounces), spp=256, others=mirrors)
+    path = mean(mi, strand, white, integrator("path", depth=2 + bounces), spp=256, others=mirrors)
+    assert np.abs(one / path - 1).max() <= 0.02
+    assert bounces == 1 or np.abs(one - 1).max() <= 0.02
+
+
+@pytest.mark.parametrize("kind", [pytest.param("env", marks=pytest.mark.slow), "area"])
+def test_emitter_and_bsdf_sampling_agree(kind: str, ball: Groom, use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    for counter in ("grid", "trace"):
+        runs = []
+        for samples in ((1, 0), (0, 1), (1, 1), (3, 2)):
+            how = integrator(
+                "dual", counter=counter, emitter_samples=samples[0], bsdf_samples=samples[1], correction_paths=0
+            )
+            scene = load_scene(mi, ball, bsdf("brown"), view=SMALL, technique=how, light=Light(kind))
+            images = [render(scene, 32, seed=s).image[..., 1] for s in range(8)]
+            runs.append(np.mean(images, axis=(1, 2)))
+        for other in runs[1:]:
+            z = (other.mean() - runs[0].mean()) / np.sqrt((other.var(ddof=1) + runs[0].var(ddof=1)) / 8)
+            assert abs(z) <= 5  # Student's with 7 to 14 degrees of freedom, 12 of them: 1 % at most
+            assert abs(other.mean() / runs[0].mean() - 1) <= 0.1
+
+
+def test_strands_behind_are_counted(use_variant: UseVariant) -> None:
+    """Sparse blond hair, lit from one side: a half space of strands would send back far more."""
+    mi = use_variant("scalar_rgb")
+    sparse, panel = hair_ball(3_000), Light("area")
+    path = mean(mi, sparse, bsdf("blond"), integrator("path", depth=64), 256, light=panel)
+
+    def off(**how: Any) -> float:
+        dual = mean(mi, sparse, bsdf("blond"), integrator("dual", correction_paths=0, **how), 256, light=panel)
+        return float(np.abs(dual / path - 1).max())
+
+    for counter in ("grid", "trace"):
+        assert off(counter=counter) <= 0.15
+        assert off(counter=counter, behind="half_space") > 0.3
+
+
+def test_a_strand_alone_is_lit_as_by_direct(strand: Groom, use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    alone = bsdf("brown", d_b=0.0)  # no strands behind it either
+    dual = mean(mi, strand, alone, integrator("dual", counter="trace", correction_paths=0), 256)
+    assert np.abs(dual / mean(mi, strand, alone, integrator("direct"), 256) - 1).max() <= 0.01
+
+
+@pytest.mark.parametrize("counter", ["grid", "trace"])
+def test_other_things_cast_shadows_and_are_lit(counter: str, ball: Groom, use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    sun = Light("sun")
+    toward = View().axes().T @ np.array([-0.55, 0.6, 0.6]) / np.linalg.norm([-0.55, 0.6, 0.6])
+    look = mi.ScalarTransform4f().look_at(origin=(6 * toward).tolist(), target=[0, 0, 0], up=[0, 1, 0])
+    blocker = {"type": "rectangle", "to_world": look @ mi.ScalarTransform4f().scale(8.0)}
+    how = integrator("dual", counter=counter)
+    free = mean(mi, ball, bsdf("brown"), how, light=sun)
+    assert (free > 0.02).all()
+    narrow = View(width=48, height=48, zoom=4)  # hair only
+    assert (mean(mi, ball, bsdf("brown"), how, light=sun, view=narrow, others={"blocker": blocker}) < 1e-6).all()
+    # What is not hair is lit as by direct, shadowed by hair.
+    plain = {"type": "sphere", "radius": 0.98}
+    seen = [
+        render(load_scene(mi, ball, bsdf("black"), view=SMALL, technique=t, others={"head": plain}), 128).image
+        for t in (how, integrator("direct"))
+    ]
+    assert rel_mse(*seen) <= 0.01
+
+
+def floor(mi: Any, hair: dict[str, Any], how: dict[str, Any], light: dict[str, Any], spp: int = 128) -> np.ndarray:
+    """What comes to a dark floor, which the camera sees from below the hair."""
+    above = mi.ScalarTransform4f().look_at(origin=[0, 0, 0.4], target=[0, 0, 0], up=[0, 1, 0])
+    scene = {
+        "type": "scene",
+        "integrator": how,
+        "floor": {
+            "type": "rectangle", "to_world": mi.ScalarTransform4f().scale(20),
+            "bsdf": {"type": "diffuse", "reflectance": 0.1},
+        },
+        "light": light,
+        "sensor": {
+            "type": "perspective", "fov": 30, "to_world": above,
+            "film": {"type": "hdrfilm", "width": 16, "height": 16, "pixel_format": "rgb"},
+        },
+    }  # fmt: skip
+    return np.array(mi.render(mi.load_dict(scene | hair), spp=spp)).mean(axis=(0, 1))
+
+
+def mat(path: Path, seed: int = 0) -> dict[str, Any]:
+    """Parallel strands at random over a floor, two that a ray across them meets on average."""
+    rng = np.random.default_rng(seed)
+    x = np.array([-6.0, -5.0, 5.0, 6.0])
+    points = [np.stack([x, np.full(4, rng.uniform(-5, 5)), np.full(4, rng.uniform(0.5, 0.9))], 1) for _ in range(1000)]
+    Groom(np.concatenate(points).astype(np.float32), 4 * np.arange(1001), np.array(0.01, np.float32)).save(path)
+    return {"type": "bsplinecurve", "filename": str(path)}
+
+
+@pytest.mark.parametrize("counter", ["grid", "trace"])
+@pytest.mark.parametrize(
+    "light", [{"type": "directional", "direction": [0.6, 0, -0.8], "irradiance": 1.0}, {"type": "constant"}]
+)
+def test_shadows_of_hair_are_as_bright_as_paths(
+    counter: str, light: dict[str, Any], tmp_path: Path, use_variant: UseVariant
+) -> None:
+    mi = use_variant("scalar_rgb")
+    hair = mat(tmp_path / "mat.txt")
+
+    def lit(how: dict[str, Any], **function: Any) -> np.ndarray:
+        material = {"type": "cuticle", "fibre": "blond", **function}
+        return floor(mi, {"hair": {**hair, "bsdf": material}}, how, light)
+
+    path = lit(integrator("path", depth=64))
+    assert (lit(integrator("direct")) < 0.65 * path).all()  # opaque
+    for function in ({}, {"scale": 1.0}):  # its own absorption, and that of a texture
+        dual = lit(integrator("dual", counter=counter, correction_paths=0), **function)
+        # Light goes straight through, and the mat ends: what leaves at its sides is counted.
+        assert np.abs(dual / path - 1).max() <= 0.3
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        {"fibre": "brown"},
+        pytest.param({"beta_m": 0.3, "eumelanin": 0.3, "strands": True, "sampling": "uniform"}, marks=pytest.mark.slow),
+    ],
+)
+def test_both_samplings_see_shadows_of_hair(function: dict[str, Any], tmp_path: Path, use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    hair = {"hair": {**mat(tmp_path / "mat.txt"), "bsdf": {"type": "cuticle", **function}}}
+    seen = [
+        floor(mi, hair, integrator("dual", correction_paths=0, **{other: 0}), {"type": "constant"}, 1024)
+        for other in ("emitter_samples", "bsdf_samples")
+    ]
+    assert np.abs(seen[0] / seen[1] - 1).max() <= 0.04  # blue scatters by 1.3 %
+    path = floor(mi, hair, integrator("path", depth=64), {"type": "constant"})
+    assert np.abs(seen[0] / path - 1).max() <= 0.15
+
+
+def test_instances_are_the_hair_that_they_repeat(tmp_path: Path, use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    ball = hair_ball(1500)
+    moves = [
+        (mi.ScalarTransform4f().translate([0.6, 0, 0]).rotate([0.6, 0.8, 0], 50), 0.5),
+        (mi.ScalarTransform4f().translate([-0.6, 0.2, 0]), 0.7),
+    ]
+    fibre = {"type": "cuticle", "fibre": "blond"}
+    ball.save(tmp_path / "ball.txt")
+    curves = {"type": "bsplinecurve", "filename": str(tmp_path / "ball.txt"), "bsdf": fibre}
+    group = {"type": "shapegroup", "curves": curves}
+    other = {"type": "shapegroup", "a": {"type": "sphere", "radius": 0.1}}
+    instances: dict[str, Any] = {"group": group, "other": other}
+    copies: dict[str, Any] = {}
+    for k, (move, scale) in enumerate(moves):
+        instances[f"i{k}"] = {
+            "type": "instance", "group": {"type": "ref", "id": "group"}, "to_world": move.scale(scale)
+        }  # fmt: skip
+        # Mitsuba moves a curve's points, and leaves its radii as they are.
+        name = str(tmp_path / f"ball_{k}.txt")
+        Groom(ball.points * scale, ball.offsets, ball.radius * scale).save(name)
+        copies[f"c{k}"] = {**curves, "filename": name, "to_world": move}
+    # An instance of something else casts a shadow, as the thing itself does.
+    up = mi.ScalarTransform4f().translate([0, 1.2, 0])
+    instances["o"] = {"type": "instance", "group": {"type": "ref", "id": "other"}, "to_world": up}
+    copies["o"] = {"type": "sphere", "radius": 0.1, "to_world": up}
+    for counter in ("grid", "trace"):
+        how = integrator("dual", counter=counter, correction_paths=0)
+        scene = {
+            "type": "scene", "integrator": how, "light": {"type": "directional", "direction": [0, -1, 0.2]},
+            "sensor": {
+                "type": "perspective", "fov": 40,
+                "to_world": mi.ScalarTransform4f().look_at(origin=[0, 0, 4], target=[0, 0, 0], up=[0, 1, 0]),
+                "film": {"type": "hdrfilm", "width": 32, "height": 32, "pixel_format": "rgb"},
+            },
+        }  # fmt: skip
+        seen = [np.array(mi.render(mi.load_dict(scene | hair), spp=128)) for hair in (instances, copies)]
+        assert np.abs(seen[0].mean(axis=(0, 1)) / seen[1].mean(axis=(0, 1)) - 1).max() <= 0.02
+    mixed = instances | {"group": group | {"b": {"type": "sphere", "radius": 0.1}}}
+    with pytest.raises(RuntimeError, match="a shapegroup must hold hair or other shapes, not both"):
+        mi.render(mi.load_dict(scene | mixed), spp=1)
+
+
+@pytest.mark.parametrize("variant", ["llvm_ad_rgb", "cuda_ad_rgb", "scalar_spectral"])
+def test_variants_agree(variant: str, ball: Groom, use_variant: UseVariant) -> None:
+    use_variant(variant)  # skipped here rather than after the picture in scalar_rgb
+    want = mean(use_variant("scalar_rgb"), ball, bsdf("brown"), integrator("dual"), 256)
+    spectral = "spectral" in variant
+    for counter in ("grid",) if spectral else ("grid", "trace"):
+        got = mean(use_variant(variant), ball, bsdf("brown"), integrator("dual", counter=counter), 256)
+        assert np.abs(got / want - 1).max() <= (0.08 if spectral else 0.03)  # three values stand for a spectrum
+
+
+def test_no_hair_in_the_scene_is_direct_light(use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    scenes = [
+        mi.load_dict(
+            {
+                "type": "scene",
+                "integrator": how,
+                "ball": {"type": "sphere"},
+                "light": {"type": "constant"},
+                "sensor": {"type": "perspective", "film": {"type": "hdrfilm", "width": 16, "height": 16}},
+            }
+        )
+        for how in (integrator("dual"), integrator("direct"))
+    ]
+    assert rel_mse(*(np.array(mi.render(s, spp=64)) for s in scenes)) <= 1e-3
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"counter": "magic"}, "counter must be grid or trace, got magic"),
+        ({"behind": "some"}, "behind must be counted or half_space, got some"),
+        ({"cells": 0}, "cells must be in [1, 512], got 0"),
+        ({"max_strands": 0}, "max_strands must be in [1, 10000], got 0"),
+        ({"emitter_samples": 0, "bsdf_samples": 0}, "must not both be 0"),
+        ({"bounces": -1}, "bounces must be in [0, 1000], got -1"),
+        ({"bounces": 1, "correction_paths": 9}, "correction_paths must be 0 with bounces"),
+    ],
+)
+def test_bad_integrator_parameters(given: dict[str, Any], message: str, use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    with pytest.raises(RuntimeError) as caught:
+        mi.load_dict({"type": "dual_scattering", **given})
+    assert message in str(caught.value)
+
+
+def test_a_fibre_without_absorption_cannot_stand_among_others(ball: Groom, use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    white = {"type": "cuticle", "sigma_a": 0.0}
+    assert "among strands" not in str(mi.load_dict(white))
+    dual = mean(mi, ball, white, integrator("dual"))  # lit as by direct, with a warning
+    assert np.abs(dual / mean(mi, ball, white, integrator("direct")) - 1).max() <= 0.02
