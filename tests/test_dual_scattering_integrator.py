@@ -273,6 +273,40 @@ def test_instances_are_the_hair_that_they_repeat(tmp_path: Path, use_variant: Us
         mi.render(mi.load_dict(scene | mixed), spp=1)
 
 
+@pytest.mark.parametrize("counter", ["grid", "trace"])
+def test_light_through_hair_of_another_colour(counter: str, ball: Groom, tmp_path: Path, use_variant: UseVariant) -> None:
+    """Every second strand is black: what is blond, and what is black, is as bright as with paths."""
+    mi = use_variant("scalar_rgb")
+    shapes: dict[str, Any] = {}
+    for k, fibre in enumerate(("blond", "black")):
+        strands = np.split(ball.points, ball.offsets[1:-1])[k::2]
+        points, offsets = np.concatenate(strands), np.cumsum([0, *map(len, strands)])
+        Groom(points, offsets, ball.radius.flat[0]).save(tmp_path / f"{fibre}.txt")
+        curves = {"type": "bsplinecurve", "filename": str(tmp_path / f"{fibre}.txt")}
+        shapes[f"{k}_{fibre}"] = {**curves, "bsdf": {"type": "cuticle", "fibre": fibre}}
+
+    def seen(how: dict[str, Any], shapes: dict[str, Any]) -> np.ndarray:
+        """Mean light of pixels where one sample met the first shape, and the second."""
+        film = {"type": "hdrfilm", "width": 48, "height": 48, "pixel_format": "rgb", "rfilter": {"type": "box"}}
+        look = mi.ScalarTransform4f().look_at(origin=[0, 0, 4], target=[0, 0, 0], up=[0, 1, 0])
+        scene = mi.load_dict(
+            {
+                "type": "scene", **shapes, "integrator": {"type": "aov", "aovs": "sh:shape_index", "of": how},
+                "light": {"type": "directional", "direction": [0.3, -1, -0.5]},
+                "sensor": {"type": "perspective", "fov": 35, "to_world": look, "film": film},
+            }
+        )  # fmt: skip
+        pixels = np.concatenate([np.array(mi.render(scene, spp=1, seed=k)).reshape(-1, 4) for k in range(24)])
+        return np.array([pixels[pixels[:, 3] == shape, :3].mean(axis=0) for shape in (1, 2)])
+
+    path = seen(integrator("path", depth=64), shapes)
+    how = integrator("dual", counter=counter, correction_paths=0)
+    dual = seen(how, shapes)
+    assert np.abs(dual / path - 1).max() <= 0.17  # straight light only, as everywhere without a correction
+    among_its_own = seen(how, {name: {**s, "bsdf": {"type": "cuticle", "fibre": "blond"}} for name, s in shapes.items()})
+    assert among_its_own[0, 0] > 1.2 * path[0, 0]  # what blond strands had when all others were blond to them
+
+
 @pytest.mark.parametrize("variant", ["llvm_ad_rgb", "cuda_ad_rgb", "scalar_spectral"])
 def test_variants_agree(variant: str, ball: Groom, use_variant: UseVariant) -> None:
     use_variant(variant)  # skipped here rather than after the picture in scalar_rgb

@@ -95,7 +95,7 @@ template <typename Float, typename Spectrum> class DualScattering final : public
     MI_DECLARE_CLASS(DualScattering)
 
   private:
-    using Around = cuticle_mitsuba::Around<Float>;
+    using Around = typename StrandsAround<Float, Spectrum>::Around;
     // A spectrum's three colours or, where its wavelengths are a ray's own, their mean.
     static constexpr size_t channels = is_rgb_v<Spectrum> ? 3 : 1;
     using Ratio = cuticle_mitsuba::BrightnessRatio<Float, channels>;
@@ -334,7 +334,7 @@ template <typename Float, typename Spectrum> class DualScattering final : public
             cuticle_mitsuba::set_around(si_n, around);
             const auto context = cuticle_mitsuba::among_strands_context(m_around.trace ? 0u : cuticle_mitsuba::expected_bit);
             const auto [v, p] = bsdf->eval_pdf(context, si_n, wo, on_hair);
-            value = dr::select(on_hair, v, value);
+            value = dr::select(on_hair, v * m_around.other_kinds(bsdf, si, wo, around, on_hair), value);
             pdf = dr::select(on_hair, p, pdf);
         }
         if (dr::any_or<true>(elsewhere)) {

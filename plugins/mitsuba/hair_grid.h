@@ -10,6 +10,7 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <functional>
 #include <limits>
 #include <string_view>
 #include <vector>
@@ -19,12 +20,13 @@
 
 namespace cuticle_mitsuba {
 
-// The control points (x y z radius each) and the first control point of each cubic segment, read off a shape; `places` are
+// The control points (x y z radius each) and the first control point of each cubic segment, read off a shape. `places` are
 // the rows of the 3 x 4 matrices that move them into the scene.
 template <class Float> class CurveReader final : public mitsuba::TraversalCallback {
   public:
     using Place = std::array<float, 12>;
     const mitsuba::Object *shape = nullptr;
+    size_t kind = 0;  // of hair
     std::vector<float> points;
     std::vector<uint32_t> segments;
     std::vector<Place> places;
@@ -52,12 +54,13 @@ template <class Float> class HairGrid {
     using Mask = dr::mask_t<Float>;
 
   public:
-    // Adds a shape's curves, moved by a transform; false where it has none that can be read.
-    template <class Shape, class Transform> bool add(Shape *shape, const Transform &to_world) {
+    // Adds a shape's curves, of a kind of hair, moved by a transform; false where it has none that can be read.
+    template <class Shape, class Transform> bool add(Shape *shape, const Transform &to_world, size_t kind) {
         auto known = std::find_if(m_curves.begin(), m_curves.end(), [&](const auto &c) { return c.shape == shape; });
         if (known == m_curves.end()) {
             CurveReader<Float> reader;
             reader.shape = shape;
+            reader.kind = kind;
             shape->traverse(&reader);
             if (!reader.found()) return false;
             for (const uint32_t first : reader.segments)
@@ -85,6 +88,7 @@ template <class Float> class HairGrid {
             add_word(bits);
         };
         for (const auto &curves : m_curves) {
+            add_word(uint32_t(curves.kind));
             for (const float x : curves.points) add_float(x);
             for (const auto &place : curves.places)
                 for (const float x : place) add_float(x);
@@ -95,25 +99,27 @@ template <class Float> class HairGrid {
         clear();
     }
 
-    // Expected strands from `origin`, on a strand, along `direction`, up to `distance`. What is seen lies at the hair's
-    // edge, where less of its cell's hair is before it than the cell's mean says: the walk begins a quarter of a cell on,
-    // which brings the brightness of black hair to what exact counting gives (benchmarks/dual_scattering.py). `offset` moves
-    // the ray against the grid, by cells along each axis: at random from -1/2 to 1/2, it blurs the cells' borders away.
+    // Expected strands of a kind from `origin`, on a strand, along `direction`, up to `distance`. What is seen lies at the
+    // hair's edge, where less of its cell's hair is before it than the cell's mean says: the walk begins a quarter of a cell
+    // on, which brings the brightness of black hair to what exact counting gives (benchmarks/dual_scattering.py). `offset`
+    // moves the ray against the grid, by cells along each axis: at random from -1/2 to 1/2, it blurs the cells' borders
+    // away.
     template <class Point, class Vector>
-    Float strands(const Point &origin, const Vector &direction, const Float &distance, const Mask &at_edge,
+    Float strands(size_t kind, const Point &origin, const Vector &direction, const Float &distance, const Mask &at_edge,
                   const Vector &offset) const {
         const Float skip =
             dr::select(at_edge, dr::minimum(distance, .25f / 3.f * (m_grid.cell[0] + m_grid.cell[1] + m_grid.cell[2])), 0.f);
-        return walk(m_grid, m_values, origin + direction * skip, direction, distance - skip, offset);
+        return walk(m_grid, m_values[kind], origin + direction * skip, direction, distance - skip, offset);
     }
 
-    // The same up to the end of the hair, roughly: in wider cells.
+    // The same up to the end of the hair, of all kinds, roughly: in wider cells.
     template <class Point, class Vector>
     Float strands_roughly(const Point &origin, const Vector &direction, const Mask &active, const Vector &offset) const {
         return walk(m_rough, m_rough_values, origin, direction, dr::select(active, dr::Largest<Float>, 0.f), offset);
     }
 
-    Buffer<Float> m_values, m_rough_values;
+    std::vector<Buffer<Float>> m_values;  // of each kind
+    Buffer<Float> m_rough_values;
 
   private:
     static constexpr int pieces = 4;  // of a segment, each straight
@@ -142,7 +148,7 @@ template <class Float> class HairGrid {
         for (int a = 0; a < 4; ++a) out[a] = w[0] * p[a] + w[1] * p[4 + a] + w[2] * p[8 + a] + w[3] * p[12 + a];
     }
 
-    // Calls use(from, to, radius) for the straight pieces of all curves, wherever they stand.
+    // Calls use(from, to, radius, kind) for the straight pieces of all curves, wherever they stand.
     template <class Use> void each_piece(const Use &use) const {
         for (const auto &curves : m_curves)
             for (const auto &place : curves.places) {
@@ -163,7 +169,7 @@ template <class Float> class HairGrid {
                     spline(p, 0, from);
                     for (int k = 1; k <= pieces; ++k) {
                         spline(p, float(k) / pieces, to);
-                        use(from, to, .5f * (from[3] + to[3]));
+                        use(from, to, .5f * (from[3] + to[3]), curves.kind);
                         std::copy(to, to + 4, from);
                     }
                 }
@@ -176,7 +182,9 @@ template <class Float> class HairGrid {
             low[a] = std::numeric_limits<float>::max();
             high[a] = std::numeric_limits<float>::lowest();
         }
-        each_piece([&](const float *from, const float *to, float radius) {
+        size_t kinds = 0;
+        each_piece([&](const float *from, const float *to, float radius, size_t kind) {
+            kinds = std::max(kinds, kind + 1);
             for (size_t a = 0; a < 3; ++a) {
                 low[a] = std::min({low[a], from[a], to[a]});
                 high[a] = std::max({high[a], from[a], to[a]});
@@ -195,12 +203,15 @@ template <class Float> class HairGrid {
             m_grid.cell[a] = (high[a] - low[a]) / float(m_grid.size[a]);
             count *= size_t(m_grid.size[a]);
         }
-        std::vector<float> values(count, 0.f);
-        m_grid.cells = values.data();
-        each_piece([&](const float *from, const float *to, float radius) {
-            cuticle::deposit_strand(m_grid, values.data(), from, to, radius);
+        std::vector<std::vector<float>> values(kinds, std::vector<float>(count, 0.f));
+        each_piece([&](const float *from, const float *to, float radius, size_t kind) {
+            cuticle::deposit_strand(m_grid, values[kind].data(), from, to, radius);
         });
-        m_values = dr::load<Buffer<Float>>(values.data(), values.size());
+        m_values.clear();
+        for (const auto &own : values) m_values.push_back(dr::load<Buffer<Float>>(own.data(), count));
+        for (size_t k = 1; k < kinds; ++k)
+            std::transform(values[0].begin(), values[0].end(), values[k].begin(), values[0].begin(), std::plus<float>());
+        m_grid.cells = values[0].data();
         count = cuticle::density_columns;
         m_rough = m_grid;
         for (int a = 0; a < 3; ++a) {
@@ -211,7 +222,8 @@ template <class Float> class HairGrid {
         std::vector<float> rough_values(count);
         cuticle::coarsen(m_grid, rough, rough_values.data());
         m_rough_values = dr::load<Buffer<Float>>(rough_values.data(), rough_values.size());
-        dr::make_opaque(m_values, m_rough_values);
+        for (auto &own : m_values) dr::make_opaque(own);
+        dr::make_opaque(m_rough_values);
         m_grid.cells = m_rough.cells = nullptr;
     }
 

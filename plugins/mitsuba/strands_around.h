@@ -8,6 +8,7 @@
 #include <mitsuba/render/emitter.h>
 #include <mitsuba/render/scene.h>
 
+#include <algorithm>
 #include <atomic>
 #include <mutex>
 #include <string>
@@ -21,8 +22,12 @@ NAMESPACE_BEGIN(mitsuba)
 
 template <typename Float, typename Spectrum> class StrandsAround {
   public:
-    MI_IMPORT_TYPES(Scene, Sampler, Shape, ShapeGroup, EmitterPtr, BSDFPtr)
-    using Around = cuticle_mitsuba::Around<Float>;
+    MI_IMPORT_TYPES(Scene, Sampler, Shape, ShapeGroup, EmitterPtr, BSDF, BSDFPtr)
+
+    // Strands around, and those toward the light of each kind of hair, which is a BSDF, where there are several.
+    struct Around : cuticle_mitsuba::Around<Float> {
+        std::vector<Float> kinds;
+    };
 
     // How strands are counted: from hit to hit, up to `most`, or in a grid of so many cells; those behind, too.
     bool trace, behind;
@@ -47,6 +52,7 @@ template <typename Float, typename Spectrum> class StrandsAround {
         bool some_hair = false, all_read = !trace || behind;
         m_draws = false;
         m_box.reset();
+        m_kinds.clear();
         for (const ref<Shape> &shape : scene->shapes()) {
             const Placed<Float, Spectrum> placed(scene, shape);
             size_t hairs = 0;
@@ -54,7 +60,10 @@ template <typename Float, typename Spectrum> class StrandsAround {
                 const uint32_t flags = part->bsdf() ? part->bsdf()->flags() : 0u;
                 if (!(flags & cuticle_mitsuba::hair_flag)) continue;
                 ++hairs;
-                all_read = all_read && grid.add(const_cast<Shape *>(part.get()), placed.to_world);
+                const auto kind = std::find(m_kinds.begin(), m_kinds.end(), part->bsdf());
+                const size_t k = size_t(kind - m_kinds.begin());
+                if (kind == m_kinds.end()) m_kinds.push_back(part->bsdf());
+                all_read = all_read && grid.add(const_cast<Shape *>(part.get()), placed.to_world, k);
                 if (!trace && !all_read)
                     Throw(
                         "dual_scattering: hair must be a bsplinecurve for counter = grid, got %s; use bsplinecurve, or "
@@ -106,21 +115,44 @@ template <typename Float, typename Spectrum> class StrandsAround {
     Spectrum transmittance(const Scene *scene, const Ray3f &toward, const Mask &active, Sampler *sampler) const {
         Spectrum passed(1.f);
         if (!m_some_hair || dr::none_or<false>(active)) return passed;
-        SurfaceInteraction3f si = scene->ray_intersect(toward, +RayFlags::All, false, active);
-        const Mask met = active && si.is_valid() && is_hair(si.bsdf());
+        const SurfaceInteraction3f si = scene->ray_intersect(toward, +RayFlags::All, false, active);
+        Mask met = active && si.is_valid();
         if (dr::none_or<false>(met)) return passed;
-        cuticle_mitsuba::set_around(si, count(scene, toward, false, met, sampler));
-        const uint32_t random = trace ? 0u : cuticle_mitsuba::expected_bit;
-        const auto context = cuticle_mitsuba::among_strands_context(cuticle_mitsuba::transmittance_bit | random);
-        dr::masked(passed, met) = si.bsdf()->eval(context, si, si.to_local(toward.d), met);
+        const BSDFPtr first = si.bsdf();
+        met &= is_hair(first);
+        if (dr::none_or<false>(met)) return passed;
+        const Around around = count(scene, toward, false, met, sampler);
+        const Vector3f wo = si.to_local(toward.d);
+        Float own = trace ? around.strands : around.expected;
+        for (size_t k = 0; k < around.kinds.size(); ++k) {
+            const Mask same = first == BSDFPtr(m_kinds[k]);
+            dr::masked(own, same) = around.kinds[k];
+            dr::masked(passed, met && !same) *= passed_on(m_kinds[k], si, wo, around.kinds[k], met && !same, false);
+        }
+        dr::masked(passed, met) *= passed_on(first, si, wo, own, met, true);
         return passed;
+    }
+
+    // f takes all strands on the way for the shaded one's kind: what the others pass on, out of what its own would.
+    Spectrum other_kinds(const BSDFPtr &bsdf, const SurfaceInteraction3f &si, const Vector3f &wo, const Around &around,
+                         const Mask &active) const {
+        Spectrum ratio(1.f);
+        for (size_t k = 0; k < around.kinds.size(); ++k) {
+            const Float &n = around.kinds[k];
+            const Mask other = active && bsdf != BSDFPtr(m_kinds[k]) && n > 0.f;
+            if (dr::none_or<false>(other)) continue;
+            const Spectrum own = passed_on(bsdf, si, wo, n, other, false);
+            const Spectrum theirs = passed_on(m_kinds[k], si, wo, n, other, false);
+            dr::masked(ratio, other) *= dr::select(own > 0.f, theirs / own, 0.f);
+        }
+        return ratio;
     }
 
     static Mask is_hair(const BSDFPtr &bsdf) { return (bsdf->flags() & cuticle_mitsuba::hair_flag) != 0u; }
 
     // Strands toward the light, -1 where something that is no hair blocks the way (found while tracing only), and beyond.
     Around count(const Scene *scene, const Ray3f &toward, const Mask &at_edge, const Mask &active, Sampler *sampler) const {
-        Around around{Float(0.f), Float(0.f), Float(cuticle::half_space<Float>)};
+        Around around{{Float(0.f), Float(0.f), Float(cuticle::half_space<Float>)}, {}};
         if (!m_some_hair) return around;
         Vector3f offset(0.f);
         if (m_has_grid) {
@@ -128,12 +160,15 @@ template <typename Float, typename Spectrum> class StrandsAround {
             offset = Vector3f(u.x(), u.y(), sampler->next_1d(active)) - .5f;
         }
         if (behind && m_has_grid) around.behind = grid.strands_roughly(toward.o, -toward.d, active, offset);
-        if (trace) {
-            around.strands = traced(scene, toward, active);
-            return around;
+        Float &all = trace ? around.strands : around.expected;
+        for (size_t k = 0; k < m_kinds.size(); ++k) {
+            const Float own =
+                trace ? traced(scene, toward, m_kinds[k], active)
+                      : grid.strands(k, toward.o, toward.d, dr::select(active, toward.maxt, 0.f), at_edge, offset);
+            all = dr::select(own < 0.f, own, all + own);
+            if (m_kinds.size() > 1) around.kinds.push_back(own);
         }
-        around.expected = grid.strands(toward.o, toward.d, dr::select(active, toward.maxt, 0.f), at_edge, offset);
-        if (m_draws) around.strands = poisson(around.expected, sampler->next_1d(active));
+        if (m_draws && !trace) around.strands = poisson(around.expected, sampler->next_1d(active));
         return around;
     }
 
@@ -157,6 +192,19 @@ template <typename Float, typename Spectrum> class StrandsAround {
     }
 
   private:
+    // What so many strands of a kind pass on, of light that meets some of them or of all light.
+    template <class Kind>
+    Spectrum passed_on(const Kind &bsdf, SurfaceInteraction3f si, const Vector3f &wo, const Float &strands,
+                       const Mask &active, bool met) const {
+        cuticle_mitsuba::set_around(si, cuticle_mitsuba::Around<Float>{strands, strands, Float(0.f)});
+        const uint32_t random = trace ? 0u : cuticle_mitsuba::expected_bit;
+        const auto context = cuticle_mitsuba::among_strands_context(cuticle_mitsuba::transmittance_bit | random);
+        const Spectrum passed = bsdf->eval(context, si, wo, active);
+        if (met) return passed;
+        const Float none = trace ? dr::select(strands > 0.f, Float(0.f), Float(1.f)) : Float(dr::exp(-strands));
+        return none + (1.f - none) * passed;
+    }
+
     // Strands scatter about their expectation as counts do, and E[a^N] = exp(tau (a - 1)) is not a^tau: N is drawn.
     static Float poisson(const Float &expected, const Float &u) {
         constexpr int terms = 24;
@@ -172,13 +220,13 @@ template <typename Float, typename Spectrum> class StrandsAround {
         return dr::select(expected > 8.f, large, n);
     }
 
-    // Exact: from hit to hit. Back faces are culled, so that each strand counts once.
-    Float traced(const Scene *scene, const Ray3f &toward, const Mask &active) const {
+    // Exact, of one kind: from hit to hit. Back faces are culled, so that each strand counts once.
+    Float traced(const Scene *scene, const Ray3f &toward, const BSDFPtr &kind, const Mask &active) const {
         Ray3f start(toward);
         auto [ray, n, going] = dr::while_loop(
             dr::make_tuple(start, Float(0.f), Mask(active)),
             [](const Ray3f &, const Float &, const Mask &going) { return going; },
-            [this, scene](Ray3f &ray, Float &n, Mask &going) {
+            [this, scene, &kind](Ray3f &ray, Float &n, Mask &going) {
                 // What an instance repeats is known to the whole interaction only.
                 const SurfaceInteraction3f si = scene->ray_intersect(ray, +RayFlags::Minimal, false, going);
                 const Mask hit = going && si.is_valid();
@@ -186,8 +234,9 @@ template <typename Float, typename Spectrum> class StrandsAround {
                     going = false;
                     return;
                 }
-                const Mask hair = hit && is_hair(si.shape->bsdf());
-                dr::masked(n, hair) = n + 1.f;
+                const BSDFPtr bsdf = si.shape->bsdf();
+                const Mask hair = hit && is_hair(bsdf);
+                dr::masked(n, hair && bsdf == kind) = n + 1.f;
                 dr::masked(n, hit && !hair) = -1.f;
                 going = hair && n < ScalarFloat(most);
                 const Float step = si.t * (1.f + math::RayEpsilon<Float>)+math::RayEpsilon<Float>;
@@ -202,6 +251,7 @@ template <typename Float, typename Spectrum> class StrandsAround {
     std::atomic<const Scene *> m_scene = nullptr;
     ref<Scene> m_others;
     ScalarBoundingBox3f m_box;  // of all hair
+    std::vector<const BSDF *> m_kinds;
     // Some hair is there; all of it is in the grid; some of it knows no mean over what the grid expects.
     bool m_some_hair = false, m_has_grid = false, m_draws = false;
 };
