@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 _STEP = 1 / 16  # strands in the thinnest layer: its second-order error is below a thousandth
 _DOUBLINGS = 14
+PASSED = 4  # doublings of sheets of which what they pass on is told
 _SETTLED = 1e-4  # of the energy that a half space reflects
 
 
@@ -171,15 +172,17 @@ def _doubled(on: Array, back: Array) -> tuple[Array, Array]:
     return on @ between, back + on @ (back @ between)
 
 
-def _half_space(on: Array, back: Array) -> Array:
-    """R of endless layers."""
-    for _ in range(_DOUBLINGS):
+def _half_space(on: Array, back: Array, least: int = 0) -> tuple[Array, list[Array]]:
+    """R of endless layers, and T of 1, 2, 4, ... of them, after so many doublings at the least."""
+    passed = [on]
+    for k in range(_DOUBLINGS):
         on, more = _doubled(on, back)
+        passed.append(on)
         settled = np.abs(more - back).sum(axis=1).max() < _SETTLED
         back = more
-        if settled:
+        if settled and k + 1 >= least:
             break
-    return back
+    return back, passed
 
 
 def _thin(on: Array, back: Array, slant: Array) -> tuple[Array, Array]:
@@ -209,9 +212,14 @@ class StrandTransport:
         self._back = self._all.operator(self.directions.half_turn)
 
     @cached_property
+    def _layers(self) -> tuple[Array, list[Array]]:
+        """R of the half space of sheets, and T of 1, 2, 4, ... of them."""
+        return _half_space(self._on, self._back, PASSED)
+
+    @cached_property
     def _sheets(self) -> tuple[Array, Array]:
         """R of the half space, and S."""
-        below = _half_space(self._on, self._back)
+        below = self._layers[0]
         return below, np.asarray(np.linalg.solve(np.eye(len(below)) - self._back @ below, self._on), np.float64)
 
     @cached_property
@@ -219,7 +227,7 @@ class StrandTransport:
         """R of the half space, and G."""
         d = self.directions
         slant = np.repeat(np.concatenate([[1.0], 1 / np.cos((d.cells + 0.5) * d.step)]), d.rows)[:, None]
-        below = _half_space(*_thin(self._on, self._back, slant))
+        below = _half_space(*_thin(self._on, self._back, slant))[0]
         return below, slant * (np.eye(len(below)) - self._on - self._back @ below)
 
     def _beam(self, functions: Array) -> Array:
@@ -270,21 +278,16 @@ class StrandTransport:
             at = step @ at
         return self._seen(scattered, (below if medium else below @ sheet) @ np.hstack(arrived))
 
-    def passed(self, doublings: int) -> Array:
-        """Return what 1, 2, 4, ... sheets pass on of light that falls in at azimuth 0, shape (doublings + 1, rows).
+    def passed(self) -> Array:
+        """Return what 1, 2, 4, ... sheets pass on of light that falls in at azimuth 0, shape (PASSED + 1, rows).
 
         Energy, out of 1, in all directions on: f is the same for light's way back, which the columns about azimuth 0 follow.
         Nothing stands behind the sheets.
         """
-        d, on, back = self.directions, self._on, self._back
-        about = range(1, 2) if d.even else range(d.columns, d.columns + 2)
-        passed = []
-        for k in range(doublings + 1):
-            if k:
-                on, back = _doubled(on, back)
-            whole = on[:, d.rows :].sum(axis=1).reshape(-1, d.rows)
-            passed.append(whole[about].mean(axis=0))
-        return np.array(passed)
+        d = self.directions
+        about = slice(1, 2) if d.even else slice(d.columns, d.columns + 2)
+        into = [on[:, d.rows :].sum(axis=1).reshape(-1, d.rows) for on in self._layers[1][: PASSED + 1]]
+        return np.array([x[about].mean(axis=0) for x in into])
 
     def one_behind(self) -> Array:
         """Return what changes where sheets have an end, shape (3, rows).

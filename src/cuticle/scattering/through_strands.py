@@ -15,13 +15,12 @@ from scipy.stats import poisson
 from cuticle import _core
 from cuticle.scattering.azimuthal import azimuthal_tables
 from cuticle.scattering.fibre import Fibre
-from cuticle.scattering.strand_transport import Directions, Scattering, StrandTransport, azimuth_cells
+from cuticle.scattering.strand_transport import PASSED, Directions, Scattering, StrandTransport, azimuth_cells
 
 Array = NDArray[np.float64]
 # The core's nodes, 0, 1, 2, 4, 8 and 16 strands, and halfway between them.
 _COUNTS = (0, 1, 2, 3, 4, 6, 8, 12, 16)
 _DEPTHS = (0, 1 / 16, 1 / 8, 1 / 2, 1, 3 / 2, 2, 3, 4, 6, 8, 12, 16)
-_SHEETS = (1, 2, 4, 8, 16)
 _AZIMUTH_ROWS = 4  # rows of the transport for one of the azimuth table
 _DARKEST = -230.0  # ln of the least energy that keeps its shape
 _APART = math.log(1.6)  # between absorptions that are solved; those between are interpolated
@@ -111,15 +110,13 @@ def transmittance_table(transports: Sequence[StrandTransport]) -> Array:
     The core's TransmittanceTable views it (through_strands.h): of sheets, and of a Poisson number of them that is not 0; for
     0 (sheets: 1; a random number: the limit), 1, 2, 4, 8 and 16 strands.
     """
-    doublings = len(_SHEETS) - 1
-    passed = _log(np.array([t.passed(doublings) for t in transports]))[..., ::-1]  # rows were directions of travel
-    numbers = np.arange(1, 64)
+    passed = _log(np.array([t.passed() for t in transports]))[..., ::-1]  # rows were directions of travel
+    sheets, numbers = 2 ** np.arange(PASSED + 1), np.arange(1, 64)
     # Light falls as 1/(1 + c n) or as a power: nearly straight in ln n either way, between numbers so close.
-    each = np.exp(PchipInterpolator(np.log(_SHEETS), passed, axis=1)(np.log(numbers)))
-    shares = np.array([poisson.pmf(numbers, max(n, 1e-6)) for n in (0, *_SHEETS)])
+    each = np.exp(PchipInterpolator(np.log(sheets), passed, axis=1)(np.log(numbers)))
+    shares = np.array([poisson.pmf(numbers, max(n, 1e-6)) for n in (0, *sheets)])
     random = np.einsum("sn,cnr->csr", shares / shares.sum(axis=1, keepdims=True), each)
-    sheets = passed[:, [0, *range(doublings + 1)]]
-    return np.moveaxis(np.array([sheets, _log(random)]), 1, -1)
+    return np.moveaxis(np.array([np.concatenate([passed[:, :1], passed], axis=1), _log(random)]), 1, -1)
 
 
 def _log(moments: Array) -> Array:
