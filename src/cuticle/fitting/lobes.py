@@ -28,19 +28,25 @@ def fit_table(points: Points, lobes: int, progress: Progress) -> Array:
 
     Lobes double from a table of two, by splits and a polish: the new table starts where the old one was, for all viewers and
     counts, so more lobes do no worse anywhere. Up to four they also grow one by one at normal view, which finds more of the
-    peaks of a single row; the better of both is kept. Coarse grids lead the way.
+    peaks of a single row; the better of both is kept. Coarse grids lead the way, and rows an octave apart: those between are
+    interpolated first, for each by itself can hold other lobes than its neighbours.
     """
     coarse = replace(points, targets=points.targets.coarser())
+    few, insert = coarse.octaves()
     steps = min(_STEPS, 8 * _STEPS // lobes)  # a step's cost grows with the square of the lobes, and later ones gain little
-    u = _carried(coarse, min(lobes, 2))
+    u = _carried(few, min(lobes, 2))
     while u.shape[3] < lobes:
         progress(f"splitting {u.shape[3]} lobes", 0.5 * u.shape[3] / lobes)
         more = min(2 * u.shape[3], lobes)
-        found = [polish(coarse, split(coarse, u, more), steps if more == lobes else 8)]
-        if more <= _GROWN and len(points.on_nodes) == 1:
-            found.append(_carried(coarse, more))
-        u = min(found, key=lambda v: loss(coarse.targets, coarse.natural(to_natural(v))).sum())
-    return polish(points, relabel(coarse, u), steps, lambda f: progress("polishing", 0.5 + 0.5 * f))
+        found = [polish(few, split(few, u, more), steps if more == lobes else 8)]
+        if more <= _GROWN and len(few.on_nodes) == 1:
+            found.append(_carried(few, more))
+        u = min(found, key=lambda v: loss(few.targets, few.natural(to_natural(v))).sum())
+    u = relabel(few, u)
+    if len(u) < len(points.on_nodes):
+        u = (insert @ u.reshape(few.on_nodes.size, -1)).reshape(*points.on_nodes.shape, *u.shape[2:])
+        u = polish(coarse, u, steps)
+    return polish(points, u, steps, lambda f: progress("polishing", 0.5 + 0.5 * f))
 
 
 def _carried(points: Points, lobes: int) -> Array:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, kron
 
 from cuticle.fitting.mixture import Array
 from cuticle.fitting.targets import Targets, make_targets
@@ -41,6 +41,18 @@ class Points:
     def by_entry(self, values: Array) -> Array:
         """Return each entry's share of the points' values: (points, ...) -> (rows * nodes, ...)."""
         return (self.share.T @ values.reshape(len(values), -1)).reshape(-1, *values.shape[1:])
+
+    def octaves(self) -> tuple[Points, csr_array]:
+        """Return the same points for a table whose rows lie an octave apart, and what interpolates its entries to all rows."""
+        rows = self.strands[self.on_nodes[:, 0]]
+        kept = [0]
+        for row, n in enumerate(rows):
+            if n >= 2 * rows[kept[-1]] > 0 or row == len(rows) - 1 > 0:
+                kept.append(row)
+        few = np.arange(len(kept))
+        insert = kron(_shares(np.interp(rows, rows[kept], few), len(kept)), np.eye(THETA_NODES), "csr")
+        row = np.interp(self.strands, rows[kept], few)
+        return replace(self, row=row, share=csr_array(self.share @ insert), on_nodes=self.on_nodes[kept]), insert
 
 
 def make_points(with_strands: Callable[[float], Bcsdf], strands: Sequence[float], objective: str, family: str) -> Points:
