@@ -42,7 +42,7 @@ def fit_table(points: Points, lobes: int, progress: Progress) -> Array:
         if more <= _GROWN and len(few.on_nodes) == 1:
             found.append(_carried(few, more))
         u = min(found, key=lambda v: loss(few.targets, few.natural(to_natural(v))).sum())
-    u = relabel(few, u)
+        u = relabel(few, u) if more <= _GROWN else u  # what a split adds has one order
     if len(u) < len(points.on_nodes):
         u = (insert @ u.reshape(few.on_nodes.size, -1)).reshape(*points.on_nodes.shape, *u.shape[2:])
         u = polish(coarse, u, steps)
