@@ -32,6 +32,7 @@ AUTO = "auto"  # of strand counts, those after which the shape of light no longe
 BEST = "best"  # of the families, the one with the highest mean ESS
 SAMPLINGS = (*FORMS, "uniform")  # what a renderer may draw from
 MAX_AUTO_LOBES = 12
+_DENSE = 8  # lobes up to which all viewers are seen at every count between rows; a step's cost grows with their square
 _DOUBTED = 8  # places of the lowest ESS that are measured again
 
 
@@ -210,7 +211,7 @@ def _fit_lobes(
     points: list[Points] = []
     for g in groups:
         report("tabulating", 0.3 * len(points) / len(groups))
-        points.append(make_points(with_strands, g, objective, family))
+        points.append(make_points(with_strands, g, objective, family, dense=lobes is None or lobes <= _DENSE))
     candidates: tuple[Candidate, ...] = ()
     if lobes is None:
         lobes, candidates = _choose_lobes(points, report)

@@ -15,7 +15,7 @@ from cuticle.scattering.bcsdf import Bcsdf
 
 THETA_NODES = 25  # every 7.5 degrees
 END = np.radians(89.5)  # stands for the pole, where f·cos degenerates
-_BETWEEN_ROWS = (0.5, 0.25, 0.75)  # from one viewer to the next: all viewers at each would cost three times as much
+_BETWEEN = (0.5, 0.25, 0.75)  # rows: lobes that follow the light halfway can lose it, or its tails, beside it
 
 
 @dataclass(frozen=True)
@@ -55,15 +55,17 @@ class Points:
         return replace(self, row=row, share=csr_array(self.share @ insert), on_nodes=self.on_nodes[kept]), insert
 
 
-def make_points(with_strands: Callable[[float], Bcsdf], strands: Sequence[float], objective: str, family: str) -> Points:
-    """Tabulate the targets that a fit of these strand counts looks at."""
+def make_points(
+    with_strands: Callable[[float], Bcsdf], strands: Sequence[float], objective: str, family: str, *, dense: bool
+) -> Points:
+    """Tabulate the targets that a fit of these strand counts looks at; `dense`: all viewers at every count between rows."""
     halves = [i + 0.5 for i in range(THETA_NODES - 1)]
     places = np.sort([*range(THETA_NODES), *halves, 0.25, 0.75, THETA_NODES - 1.75, THETA_NODES - 1.25])  # in nodes
     seen: list[tuple[float, float]] = []  # rows and nodes
     for row, n in enumerate(strands):
         seen += [(row, x) for x in places]
         if row + 1 < len(strands) and n > 0:  # between 0 and the next count the sampler mixes; nothing to interpolate
-            seen += [(row + _BETWEEN_ROWS[i % len(_BETWEEN_ROWS)], x) for i, x in enumerate(places)]
+            seen += [(row + s, x) for i, x in enumerate(places) for s in (_BETWEEN if dense else (_BETWEEN[i % 3],))]
     row, node = np.array(seen).T
     by_row, by_node = (_shares(x, count) for x, count in ((row, len(strands)), (node, THETA_NODES)))
     share = np.einsum("pr,pn->prn", by_row, by_node)

@@ -9,7 +9,7 @@ import numpy as np
 from cuticle.fitting.mixture import Array, confine, equations, in_coordinates, loss, to_natural
 from cuticle.fitting.points import Points
 
-_BAD = 0.01  # ½ (1/ESS - 1) that weighs twice as much as a small one
+_BAD = 0.005  # ½ (1/ESS - 1) that weighs twice as much as a small one
 _PATIENCE = 3  # steps over which that is judged: two halves of a lobe part slowly at first
 _SMOOTH = 1e-5
 _LEAST_GAIN = 5e-6  # of ½ (1/ESS - 1) a point: a change of 1e-5 in ESS is not worth a step
