@@ -145,7 +145,7 @@ def relabel(points: Points, u: Array) -> Array:
         gap = np.minimum(place.astype(np.intp), gaps - 1)
         orders = np.tile(np.arange(u.shape[3]), (gaps + 1, 1))
 
-        def losses(v: Array, gap: NDArray = gap, gaps: int = gaps) -> Array:
+        def losses(v: Array, gap: NDArray = gap, gaps: int = gaps) -> NDArray:
             return np.bincount(gap, loss(points.targets, points.natural(to_natural(v))), gaps)
 
         best = losses(u) - _LEAST if gaps else np.empty(0)
@@ -157,7 +157,7 @@ def relabel(points: Points, u: Array) -> Array:
             better = np.flatnonzero(new < best)
             best[better] = new[better]
             orders[better + 1] = np.arange(u.shape[3])
-            orders[np.ix_(better + 1, pair)] = pair[::-1]
+            orders[better[:, None] + 1, pair] = pair[::-1]
         for i in range(gaps):
             orders[i + 1] = orders[i + 1][orders[i]]
         u = np.take_along_axis(u, orders[:, None, None].swapaxes(0, axis), axis=-1)

@@ -22,8 +22,8 @@ _BETWEEN = (0.5, 0.25, 0.75)  # rows: lobes that follow the light halfway can lo
 class Points:
     """Where the fit looks: viewers on and between nodes, for rows on and between strand counts.
 
-    `row` and `node` are places, counted in the table's rows and nodes; `share` (points, rows * nodes) holds the part that each
-    entry of the table has in a point's parameters; `on_nodes` (rows, nodes) tells which point lies on an entry.
+    `row` and `node` are places, counted in the table's rows and nodes; `share` (points, rows * nodes) holds the part that
+    each entry of the table has in a point's parameters; `on_nodes` (rows, nodes) holds the points that lie on entries.
     """
 
     row: Array
@@ -43,12 +43,12 @@ class Points:
         return (self.share.T @ values.reshape(len(values), -1)).reshape(-1, *values.shape[1:])
 
     def octaves(self) -> tuple[Points, csr_array]:
-        """Return the same points for a table whose rows lie an octave apart, and what interpolates its entries to all rows."""
+        """Return the same points for a table of rows an octave apart, and what interpolates its entries to all rows."""
         rows = self.strands[self.on_nodes[:, 0]]
         kept = [0]
-        for row, n in enumerate(rows):
-            if n >= 2 * rows[kept[-1]] > 0 or row == len(rows) - 1 > 0:
-                kept.append(row)
+        for i, n in enumerate(rows):
+            if n >= 2 * rows[kept[-1]] > 0 or i == len(rows) - 1 > 0:
+                kept.append(i)
         few = np.arange(len(kept))
         insert = kron(_shares(np.interp(rows, rows[kept], few), len(kept)), np.eye(THETA_NODES), "csr")
         row = np.interp(self.strands, rows[kept], few)
