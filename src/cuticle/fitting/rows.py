@@ -12,8 +12,8 @@ from cuticle.scattering.bcsdf import evaluate, is_even, luminance
 _ALWAYS = (1.0, 2.0, 4.0, 8.0, 16.0)
 _FURTHER = (32.0, 64.0)
 _SETTLED = 0.995  # ESS of the last row's shape for that through 64 strands: what leaving out the rows beyond may cost
-# ESS between two rows of both shapes mixed, as lobes that do not move would mix them. Lobes that do move follow all gaps
-# above this with an ESS of .98 (benchmarks/random_fits.py); gaps far below it gave .90 to .97.
+# ESS between two rows of both shapes mixed, as lobes that do not move would mix them. With .92, and halfway only, four lobes
+# fell to .90 over 31 fibres (benchmarks/random_fits.py); with .95 at all quarters to .98, but at one place of black hair.
 _FOLLOWED = 0.95
 _HALVINGS = 2  # of a gap between two counts of the above
 _BETWEEN = (0.25, 0.5, 0.75)  # shares fall by powers from part to part: what is right halfway can be wrong beside it
