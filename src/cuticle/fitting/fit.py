@@ -16,7 +16,7 @@ from cuticle.fitting.closed_forms import THETA_NODES as DOCUMENT_NODES
 from cuticle.fitting.costs import traced_cost
 from cuticle.fitting.lobes import carry, fit_table, grow_at_start
 from cuticle.fitting.mixture import Array, ess_of, to_natural
-from cuticle.fitting.points import END, THETA_NODES, Points, make_points
+from cuticle.fitting.points import END, Points, make_points
 from cuticle.fitting.result import Candidate, Fit, Worst
 from cuticle.fitting.rows import settled_rows
 from cuticle.fitting.targets import OBJECTIVES, make_targets
@@ -32,6 +32,7 @@ AUTO = "auto"  # of strand counts, those after which the shape of light no longe
 BEST = "best"  # of the families, the one with the highest mean ESS
 SAMPLINGS = (*FORMS, "uniform")  # what a renderer may draw from
 MAX_AUTO_LOBES = 12
+_DENSE = 8  # lobes up to which all viewers are seen at every count between rows; a step's cost grows with their square
 _DOUBTED = 8  # places of the lowest ESS that are measured again
 
 
@@ -210,7 +211,7 @@ def _fit_lobes(
     points: list[Points] = []
     for g in groups:
         report("tabulating", 0.3 * len(points) / len(groups))
-        points.append(make_points(with_strands, g, objective, family))
+        points.append(make_points(with_strands, g, objective, family, dense=lobes is None or lobes <= _DENSE))
     candidates: tuple[Candidate, ...] = ()
     if lobes is None:
         lobes, candidates = _choose_lobes(points, report)
@@ -219,15 +220,10 @@ def _fit_lobes(
         low, width = 0.4 + 0.55 * i / len(groups), 0.55 / len(groups)
         u = fit_table(p, lobes, lambda phase, f, a=low, b=width: report(phase, a + b * f))  # type: ignore[misc]
         tables.append(to_natural(u))
-    energy = np.concatenate([_node_energy(p) for p in points])
+    energy = np.concatenate([p.targets.energy[p.on_nodes] for p in points])
     ess = np.concatenate([ess_of(p.targets, p.natural(x)) for p, x in zip(points, tables, strict=True)])
     lowest = _lowest(ess, *(np.concatenate([getattr(p, name) for p in points]) for name in ("strands", "theta_r")))
     return _Table(np.concatenate(tables), energy, points[0].targets.even, lowest, candidates)
-
-
-def _node_energy(points: Points) -> Array:
-    on = points.on_nodes()
-    return np.array([[points.targets.energy[on[r, i]] for i in range(THETA_NODES)] for r in range(points.rows)])
 
 
 def _choose_lobes(points: Sequence[Points], report: Progress) -> tuple[int, tuple[Candidate, ...]]:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cuticle._support.progress import Progress
 from cuticle.fitting.mixture import Array, confine, from_natural, loss, solve_each, to_natural
@@ -16,6 +18,7 @@ from cuticle.sampling.lobe_table import MEAN_THETA, SIGMA_PHI, SIGMA_THETA, WEIG
 
 _START = THETA_NODES // 2
 _LOST = 0.05  # ½ (1/ESS - 1): ESS below .91 at one viewer, where its neighbour was well fitted
+_LEAST = 1e-4  # of ½ (1/ESS - 1) that an exchange of two lobes gains
 _STEPS = 30  # of a polish, at most
 _GROWN = 4  # lobes up to which growing one by one may find more than splitting does
 
@@ -25,28 +28,35 @@ def fit_table(points: Points, lobes: int, progress: Progress) -> Array:
 
     Lobes double from a table of two, by splits and a polish: the new table starts where the old one was, for all viewers and
     counts, so more lobes do no worse anywhere. Up to four they also grow one by one at normal view, which finds more of the
-    peaks of a single row; the better of both is kept. Coarse grids lead the way.
+    peaks of a single row; the better of both is kept. Coarse grids lead the way, and rows an octave apart: those between are
+    interpolated first, for each by itself can hold other lobes than its neighbours.
     """
     coarse = replace(points, targets=points.targets.coarser())
+    few, insert = coarse.octaves()
     steps = min(_STEPS, 8 * _STEPS // lobes)  # a step's cost grows with the square of the lobes, and later ones gain little
-    u = _carried(coarse, min(lobes, 2))
+    u = _carried(few, min(lobes, 2))
     while u.shape[3] < lobes:
         progress(f"splitting {u.shape[3]} lobes", 0.5 * u.shape[3] / lobes)
         more = min(2 * u.shape[3], lobes)
-        found = [polish(coarse, split(coarse, u, more), steps if more == lobes else 8)]
-        if more <= _GROWN and points.rows == 1:
-            found.append(_carried(coarse, more))
-        u = min(found, key=lambda v: loss(coarse.targets, coarse.natural(to_natural(v))).sum())
+        found = [polish(few, split(few, u, more), steps if more == lobes else 8)]
+        if more <= _GROWN and len(few.on_nodes) == 1:
+            found.append(_carried(few, more))
+        u = min(found, key=lambda v: loss(few.targets, few.natural(to_natural(v))).sum())
+        u = relabel(few, u) if more <= _GROWN else u  # what a split adds has one order
+    if len(u) < len(points.on_nodes):
+        u = (insert @ u.reshape(few.on_nodes.size, -1)).reshape(*points.on_nodes.shape, *u.shape[2:])
+        u = polish(coarse, u, steps)
     return polish(points, u, steps, lambda f: progress("polishing", 0.5 + 0.5 * f))
 
 
 def _carried(points: Points, lobes: int) -> Array:
-    return polish(points, carry(points, grow_at_start(points, lobes)[-1]), _STEPS)
+    u = polish(points, relabel(points, carry(points, grow_at_start(points, lobes)[-1])), _STEPS)
+    return polish(points, relabel(points, u), _STEPS)
 
 
 def grow_at_start(points: Points, lobes: int) -> list[Array]:
     """Return `grow`'s fits at normal view of the first row."""
-    return grow(points.targets.take([points.on_nodes()[0, _START]]), lobes)
+    return grow(points.targets.take([points.on_nodes[0, _START]]), lobes)
 
 
 def grow(targets: Targets, lobes: int) -> list[Array]:
@@ -99,9 +109,8 @@ def _density(targets: Targets, x: Array) -> Array:
 
 def carry(points: Points, start: Array) -> Array:
     """Return u (rows, nodes, 5, K): from one fit at the middle node to every row, then node by node to both poles."""
-    rows = points.rows
+    rows, on_node = len(points.on_nodes), points.on_nodes
     u = np.empty((rows, THETA_NODES, *start.shape))
-    on_node = points.on_nodes()
     previous = start
     for r in range(rows):
         solved, _ = solve_each(points.targets.take([on_node[r, _START]]), previous[None], iterations=40)
@@ -126,6 +135,35 @@ def carry(points: Points, start: Array) -> Array:
     return u
 
 
+def relabel(points: Points, u: Array) -> Array:
+    """Return the table with pairs of lobes exchanged from a row or node on, where it then fits better between its entries.
+
+    Neighbours that were fitted one by one can hold the same lobes in another order, and interpolation joins lobes by it.
+    """
+    for axis, place in enumerate((points.row, points.node)):
+        gaps = u.shape[axis] - 1
+        gap = np.minimum(place.astype(np.intp), gaps - 1)
+        orders = np.tile(np.arange(u.shape[3]), (gaps + 1, 1))
+
+        def losses(v: Array, gap: NDArray = gap, gaps: int = gaps) -> NDArray:
+            return np.bincount(gap, loss(points.targets, points.natural(to_natural(v))), gaps)
+
+        best = losses(u) - _LEAST if gaps else np.empty(0)
+        for pair in combinations(range(u.shape[3]), 2) if gaps else ():
+            exchanged = u.copy()
+            odd = np.moveaxis(exchanged, axis, 0)[1::2]  # each gap has one end among these
+            odd[..., pair] = odd[..., pair[::-1]]
+            new = losses(exchanged)
+            better = np.flatnonzero(new < best)
+            best[better] = new[better]
+            orders[better + 1] = np.arange(u.shape[3])
+            orders[better[:, None] + 1, pair] = pair[::-1]
+        for i in range(gaps):
+            orders[i + 1] = orders[i + 1][orders[i]]
+        u = np.take_along_axis(u, orders[:, None, None].swapaxes(0, axis), axis=-1)
+    return u
+
+
 def split(points: Points, u: Array, lobes: int) -> Array:
     """Return a table of more lobes, up to twice as many, whose density differs little from u's, at and between all entries.
 
@@ -134,7 +172,7 @@ def split(points: Points, u: Array, lobes: int) -> Array:
     """
     rows, even = np.unique(np.linspace(0, len(u) - 1, 3).astype(int)), points.targets.even
     nodes = [(r, i) for r in rows for i in range(0, THETA_NODES, 6)]
-    on_node, some = points.on_nodes(), np.array([u[r, i] for r, i in nodes])
+    on_node, some = points.on_nodes, np.array([u[r, i] for r, i in nodes])
     ways = [(k, way) for k in range(u.shape[3]) for way in _WAYS]
     starts = np.concatenate([_halved(some, k, way) for k, way in ways])
     targets = points.targets.take(np.tile([on_node[r, i] for r, i in nodes], len(ways)))

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array, kron
 
 from cuticle.fitting.mixture import Array
 from cuticle.fitting.targets import Targets, make_targets
@@ -14,61 +15,70 @@ from cuticle.scattering.bcsdf import Bcsdf
 
 THETA_NODES = 25  # every 7.5 degrees
 END = np.radians(89.5)  # stands for the pole, where f·cos degenerates
-_BETWEEN_AT_ENDS = (0.25, 0.5, 0.75)
+_BETWEEN = (0.5, 0.25, 0.75)  # rows: lobes that follow the light halfway can lose it, or its tails, beside it
 
 
 @dataclass(frozen=True)
 class Points:
-    """Where the fit looks: viewers on and between nodes, for rows on and between strand counts."""
+    """Where the fit looks: viewers on and between nodes, for rows on and between strand counts.
 
-    node: NDArray[np.intp]
-    t: Array
-    row: NDArray[np.intp]
-    s: Array
+    `row` and `node` are places, counted in the table's rows and nodes; `share` (points, rows * nodes) holds the part that
+    each entry of the table has in a point's parameters; `on_nodes` (rows, nodes) holds the points that lie on entries.
+    """
+
+    row: Array
+    node: Array
+    share: csr_array
+    on_nodes: NDArray[np.intp]
     theta_r: Array
     strands: Array
     targets: Targets
 
     def natural(self, x: Array) -> Array:
         """Return the table's parameters at each point: x (rows, nodes, 5, K) -> (points, 5, K)."""
-        t, s = self.t[:, None, None], self.s[:, None, None]
-        upper_row = np.minimum(self.row + 1, x.shape[0] - 1)
-        lower = (1 - t) * x[self.row, self.node] + t * x[self.row, self.node + 1]
-        upper = (1 - t) * x[upper_row, self.node] + t * x[upper_row, self.node + 1]
-        return (1 - s) * lower + s * upper
+        return (self.share @ x.reshape(self.on_nodes.size, -1)).reshape(-1, *x.shape[2:])
 
-    def on_nodes(self) -> dict[tuple[int, int], int]:
-        """Return the points that lie on entries of the table, by row and node."""
-        on = np.flatnonzero((self.s == 0) & np.isin(self.t, (0.0, 1.0)))
-        return {(int(self.row[k]), int(self.node[k] + self.t[k])): int(k) for k in on}
+    def by_entry(self, values: Array) -> Array:
+        """Return each entry's share of the points' values: (points, ...) -> (rows * nodes, ...)."""
+        return (self.share.T @ values.reshape(len(values), -1)).reshape(-1, *values.shape[1:])
 
-    @property
-    def rows(self) -> int:
-        """Number of the table's rows."""
-        return int(self.row.max()) + 1
+    def octaves(self) -> tuple[Points, csr_array]:
+        """Return the same points for a table of rows an octave apart, and what interpolates its entries to all rows."""
+        rows = self.strands[self.on_nodes[:, 0]]
+        kept = [0]
+        for i, n in enumerate(rows):
+            if n >= 2 * rows[kept[-1]] > 0 or i == len(rows) - 1 > 0:
+                kept.append(i)
+        few = np.arange(len(kept))
+        insert = kron(_shares(np.interp(rows, rows[kept], few), len(kept)), np.eye(THETA_NODES), "csr")
+        row = np.interp(self.strands, rows[kept], few)
+        return replace(self, row=row, share=csr_array(self.share @ insert), on_nodes=self.on_nodes[kept]), insert
 
 
-def make_points(with_strands: Callable[[float], Bcsdf], strands: Sequence[float], objective: str, family: str) -> Points:
-    """Tabulate the targets that a fit of these strand counts looks at."""
-    theta: list[tuple[int, float]] = [(i, 0.0) for i in range(THETA_NODES - 1)] + [(THETA_NODES - 2, 1.0)]
-    for i in range(THETA_NODES - 1):
-        theta += [(i, t) for t in (_BETWEEN_AT_ENDS if i in (0, THETA_NODES - 2) else (0.5,))]
-    places: list[tuple[int, float, int, float, float, float]] = []
-    models = []
-    step = np.pi / (THETA_NODES - 1)
+def make_points(
+    with_strands: Callable[[float], Bcsdf], strands: Sequence[float], objective: str, family: str, *, dense: bool
+) -> Points:
+    """Tabulate the targets that a fit of these strand counts looks at; `dense`: all viewers at every count between rows."""
+    halves = [i + 0.5 for i in range(THETA_NODES - 1)]
+    places = np.sort([*range(THETA_NODES), *halves, 0.25, 0.75, THETA_NODES - 1.75, THETA_NODES - 1.25])  # in nodes
+    seen: list[tuple[float, float]] = []  # rows and nodes
+    for row, n in enumerate(strands):
+        seen += [(row, x) for x in places]
+        if row + 1 < len(strands) and n > 0:  # between 0 and the next count the sampler mixes; nothing to interpolate
+            seen += [(row + s, x) for i, x in enumerate(places) for s in (_BETWEEN if dense else (_BETWEEN[i % 3],))]
+    row, node = np.array(seen).T
+    by_row, by_node = (_shares(x, count) for x, count in ((row, len(strands)), (node, THETA_NODES)))
+    share = np.einsum("pr,pn->prn", by_row, by_node)
+    on = np.flatnonzero(share.max(axis=(1, 2)) == 1)
+    theta_r = np.clip(node * np.pi / (THETA_NODES - 1) - np.pi / 2, -END, END)
+    counts = by_row @ np.array(strands)
+    models = {n: with_strands(n) for n in counts}
+    return Points(
+        row, node, csr_array(share.reshape(len(share), -1)), on.reshape(len(strands), THETA_NODES), theta_r, counts,
+        make_targets([models[n] for n in counts], list(theta_r), objective, family),
+    )  # fmt: skip
 
-    def add(i: int, t: float, j: int, s: float, model: Bcsdf) -> None:
-        count = strands[j] if s == 0 else (1 - s) * strands[j] + s * strands[j + 1]
-        places.append((i, t, j, s, float(np.clip(-np.pi / 2 + (i + t) * step, -END, END)), count))
-        models.append(model)
 
-    for j, n in enumerate(strands):
-        model = with_strands(n)
-        for i, fraction in theta:
-            add(i, fraction, j, 0.0, model)
-        if j + 1 < len(strands) and n > 0:  # between 0 and the next count the sampler mixes; nothing to interpolate
-            middle = with_strands(0.5 * (n + strands[j + 1]))
-            for i, fraction in theta:
-                add(i, fraction, j, 0.5, middle)
-    node, t, row, s, theta_r, counts = (np.array(column) for column in zip(*places, strict=True))
-    return Points(node, t, row, s, theta_r, counts, make_targets(models, list(theta_r), objective, family))
+def _shares(x: Array, entries: int) -> Array:
+    """Return the linear interpolation to places x, counted in entries, as a matrix (places, entries)."""
+    return np.maximum(1 - np.abs(x[:, None] - np.arange(entries)), 0)

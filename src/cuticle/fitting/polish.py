@@ -3,47 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import product
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cuticle.fitting.mixture import Array, confine, equations, in_coordinates, loss, to_natural
-from cuticle.fitting.points import THETA_NODES, Points
+from cuticle.fitting.points import Points
 
-_BAD = 0.01  # ½ (1/ESS - 1) that weighs twice as much as a small one
+_BAD = 0.005  # ½ (1/ESS - 1) that weighs twice as much as a small one
 _PATIENCE = 3  # steps over which that is judged: two halves of a lobe part slowly at first
 _SMOOTH = 1e-5
 _LEAST_GAIN = 5e-6  # of ½ (1/ESS - 1) a point: a change of 1e-5 in ESS is not worth a step
-
-
-class _Corners(NamedTuple):
-    """The table's entries (row, node) that one interpolation takes part of for each point, sorted by entry."""
-
-    point: NDArray[np.intp]
-    first: NDArray[np.intp]  # of the points that share an entry
-    entry: NDArray[np.intp]  # one for each of `first`
-    share: Array
-
-    def add(self, to: Array, values: Array) -> None:
-        """Add to the entries of `to` their shares of the points' values."""
-        shares = self.share.reshape(-1, *(1,) * (values.ndim - 1))
-        to[self.entry] += np.add.reduceat(shares * values[self.point], self.first)
-
-
-def _corners(points: Points) -> list[_Corners]:
-    found = []
-    for side, row in product((0, 1), (0, 1)):
-        along, across = (points.t if side else 1 - points.t), (points.s if row else 1 - points.s)
-        entry = np.minimum(points.row + row, points.rows - 1) * THETA_NODES + points.node + side
-        share = along * across
-        used = np.flatnonzero(share)
-        if len(used):
-            used = used[np.argsort(entry[used], kind="stable")]
-            first = np.flatnonzero(np.diff(entry[used], prepend=-1))
-            found.append(_Corners(used, first, entry[used][first], share[used]))
-    return found
 
 
 class _Objective:
@@ -53,15 +22,13 @@ class _Objective:
     """
 
     def __init__(self, points: Points) -> None:
-        self.points, self.corners = points, _corners(points)
+        self.points = points
 
     def __call__(self, u: Array, losses: Array | None = None) -> Array:
         """Return the share of each entry, (rows, nodes)."""
         if losses is None:
             losses = loss(self.points.targets, self.points.natural(to_natural(u)))
-        value = np.zeros(u.shape[0] * u.shape[1])
-        for c in self.corners:
-            c.add(value, losses * (1 + losses / (2 * _BAD)))
+        value = self.points.by_entry(losses * (1 + losses / (2 * _BAD)))
         bends = (np.diff(u, 2, axis=1) ** 2).sum(axis=(2, 3))
         return value.reshape(u.shape[:2]) + _SMOOTH / 6 * _to_nodes(bends, (1, 1, 1))
 
@@ -75,10 +42,7 @@ class _Objective:
         x = to_natural(u)
         losses, gradient, hessian = equations(self.points.targets, self.points.natural(x))
         steeper = 1 + losses / _BAD
-        g, h = np.zeros((n, size)), np.zeros((n, size, size))
-        for c in self.corners:
-            c.add(g, steeper[:, None] * gradient)
-            c.add(h, steeper[:, None, None] * hessian)
+        g, h = self.points.by_entry(steeper[:, None] * gradient), self.points.by_entry(steeper[:, None, None] * hessian)
         g, h = in_coordinates(x.reshape(n, 5, lobes), g, h)
         g += _SMOOTH * _to_nodes(np.diff(u, 2, axis=1), (1, -2, 1)).reshape(n, size)
         i = np.arange(size)
@@ -128,7 +92,7 @@ def polish(points: Points, u: Array, steps: int, progress: Callable[[float], Non
         u = trial
         progress((taken + 1) / steps)
         reached.append(float(new.sum()))
-        least = max(1e-3 * reached[-1], _LEAST_GAIN * len(points.node))
+        least = max(1e-3 * reached[-1], _LEAST_GAIN * len(points.strands))
         if taken >= _PATIENCE and reached[-1 - _PATIENCE] - reached[-1] < _PATIENCE * least:
             break
     return u
