@@ -13,7 +13,8 @@ from rich.console import Console
 
 import cuticle
 from command import refused, run, run_program
-from cuticle._support.progress import expect
+from cuticle._support.progress import Progress, expect
+from cuticle.cli import fit as fit_command
 from cuticle.cli import terminal
 from cuticle.cli.app import COMMANDS, load
 from cuticle.export.hosts import web
@@ -273,6 +274,14 @@ def test_a_quick_check_draws_fewer_samples(fitted: Path) -> None:
     assert json.loads(run("check", str(fitted), "--quick", "--strands", "2", "--json").stdout)["samples"] == 100_000
 
 
+def told(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """Return the list that gets every share of the work that a command tells."""
+    shares: list[float] = []
+    call = terminal.Watch.__call__
+    monkeypatch.setattr(terminal.Watch, "__call__", lambda bar, phase, f: (shares.append(f), call(bar, phase, f)))
+    return shares
+
+
 def test_long_work_says_about_how_long(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     now = 0.0
     monkeypatch.setattr(terminal.time, "monotonic", lambda: now)
@@ -299,12 +308,29 @@ def test_long_work_says_about_how_long(monkeypatch: pytest.MonkeyPatch, capsys: 
 def test_a_page_says_which_lobes_it_fits_and_how_long_that_takes(
     fitted: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """Its fit of one lobe took 10 s, by a clock of our own: those of 2, 4 and 8 lobes take 1, 1.3 and 2.6 times as long."""
+    """Its fit of one lobe took 10 s, by a clock of our own: those of 2, 4 and 8 lobes take 1, 1.3 and 2.6 times as long, and
+    all fits are .8 of the work."""
+    shares = told(monkeypatch)
     monkeypatch.setattr(web, "time", SimpleNamespace(perf_counter=itertools.count(0, 10).__next__))
     monkeypatch.setattr(web, "fit", lambda *_, **__: SimpleNamespace(sampler=cuticle.Sampler.load(fitted / "sampler.json")))
     done = run("export", str(fitted), "--to", "web", "-o", str(tmp_path / "a.html"))
     assert done.returncode == 0, done
     assert done.stderr.splitlines() == [
         "the page compares this sampler with others of 1, 2, 4, 8 lobes, which are fitted now",
-        "this takes about 49 s",
+        "this takes about 74 s",
     ]
+    assert shares == sorted(shares)
+
+
+def test_a_plugin_is_read_and_fitted_under_one_bar(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def read(_: str, __: object, *, progress: Progress) -> cuticle.Chiang:
+        for fraction in (0.0, 0.5, 1.0):
+            progress("reading", fraction)
+        return cuticle.Chiang(eumelanin=1.3)
+
+    shares = told(monkeypatch)
+    monkeypatch.setattr(fit_command, "read_model", read)
+    assert run("fit", "mitsuba:hair", "--lobes", "auto", "-o", str(tmp_path)).returncode == 0
+    assert shares == sorted(shares)
+    assert shares[:3] == [0.0, 0.45, 0.9]
+    assert shares[-1] == 1

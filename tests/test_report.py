@@ -128,6 +128,7 @@ def test_what_results_say_is_text_not_markup(folder: Path, tmp_path: Path) -> No
         ("fit.json", lambda t: t[: len(t) // 2], "cut short or no JSON"),
         ("fit.json", lambda t: "[1]", "must hold one object"),
         ("fit.json", lambda t: "{}", "is not what `cuticle fit"),
+        ("fit.json", lambda t: re.sub(r"\d+\.\d+", "1e400", t, count=1), "it holds 1e400, which is not a number"),
         ("check.json", lambda t: t.replace('"verdicts"', '"other"'), "is not what `cuticle check"),
         ("document.json", lambda t: t.replace('"combined"', '"other"'), "is not what `cuticle document"),
         ("document.json", lambda t: t.replace('"version": 1', '"version": 2'), "has version 2, newer than 1; upgrade"),

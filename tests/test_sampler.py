@@ -205,7 +205,7 @@ def broken(text: str, change) -> str:
         (lambda t: t.replace('"version": 1', '"version": "1"'), "its version is '1'"),
         (lambda t: broken(t, lambda d: d["energy"][0].__setitem__(0, float("nan"))), "it holds NaN"),
         (lambda t: broken(t, lambda d: d["energy"][0].__setitem__(0, 0)), "energy must be finite and above 0"),
-        (lambda t: t.replace('"energy": [[', '"energy": [[1e999, '), "nodes or energy is ragged"),
+        (lambda t: t.replace('"energy": [[', '"energy": [[1e999, '), "it holds 1e999, which is not a number"),
         (lambda t: broken(t, lambda d: d["nodes"][0][0][3].__setitem__(0, -0.1)), "sigma_theta must be in"),
         (lambda t: broken(t, lambda d: d["nodes"][0][0][0].__setitem__(0, 0.9)), "weights must be at least 0 and sum to 1"),
         (lambda t: broken(t, lambda d: d["nodes"][0][0][1].__setitem__(0, 50.0)), "at most one sigma outside"),

@@ -55,6 +55,7 @@ def work(first: int, count: int, seed: int, hang: int, folder: Path, names: list
     """Read inputs from job `first` on; print the number of each job before it is read, and its fault after."""
     todo = jobs(names, count)
     for target in {t.name: t for t, _ in todo[first:]}.values():
+        (folder / target.name).parent.mkdir(exist_ok=True)
         for data in target.seeds:  # also imports what reading needs, before memory is bound
             (folder / target.name).write_bytes(target.pack(data))
             target.check(target.read(folder / target.name))

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from typing import TypeVar
+import math
+from typing import Any, NoReturn, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -16,7 +17,7 @@ def parse(text: str, schema: type[M], *, what: str, version: int, source: str) -
     `version` is the newest that is known.
     """
     try:
-        data = json.loads(text, parse_constant=_refuse_constant)
+        data = read_json(text)
     except json.JSONDecodeError as error:
         at_end = error.pos >= len(text.rstrip()) - 1
         reason = "it ends early (truncated?)" if at_end else f"{error.msg} at line {error.lineno} column {error.colno}"
@@ -38,5 +39,15 @@ def parse(text: str, schema: type[M], *, what: str, version: int, source: str) -
         raise ValueError(f"{source} is refused: {place}: {first['msg']}") from None
 
 
-def _refuse_constant(name: str) -> None:
+def read_json(text: str) -> Any:
+    """Return the values of JSON text, or raise ValueError: also for NaN, infinities and what overflows to one."""
+    return json.loads(text, parse_constant=_refuse_constant, parse_float=_finite)
+
+
+def _finite(digits: str) -> float:
+    value = float(digits)
+    return value if math.isfinite(value) else _refuse_constant(digits[:40])
+
+
+def _refuse_constant(name: str) -> NoReturn:
     raise ValueError(f"it holds {name}, which is not a number a table can have")

@@ -11,6 +11,7 @@ import typer
 
 from cuticle._support import validate
 from cuticle._support.files import check_directory, filling, write_text
+from cuticle._support.progress import part
 from cuticle.cli.tables import fit_table
 from cuticle.cli.terminal import JsonOption, ModelArgument, ParametersArgument, out, progress_bar, read_strands, refuse_idle
 from cuticle.fitting.fit import AUTO, BEST, FORMS, fit
@@ -21,9 +22,11 @@ from cuticle.sampling.lobe_table import MAX_LOBES
 from cuticle.sampling.quality import channel_bounds
 from cuticle.scattering.among_strands import Strands
 from cuticle.scattering.bcsdf import with_strands
-from cuticle.scattering.by_name import read_model
+from cuticle.scattering.by_name import MITSUBA, read_model
 from cuticle.scattering.chiang import Chiang
 from cuticle.scattering.dual_scattering import DualScattering
+
+_TABULATING = 0.9  # the reading of a Mitsuba plugin's share of all: over h it is asked millions of times
 
 
 def command(
@@ -62,17 +65,17 @@ def command(
         refuse_idle(ctx, "with --form document", "lobes")
     else:
         refuse_idle(ctx, "without --form document", "defensive")
-    with progress_bar(json_output) as progress:
-        parsed = read_model(model, parameters or (), progress=progress)
-    if counts is None and isinstance(parsed, DualScattering):
-        counts = AUTO
-    if counts is not None and not hasattr(parsed, "with_strands"):
-        parsed = Strands(parsed)
     check_directory(output)
+    reading = _TABULATING if model.startswith(MITSUBA) else 0.0
     with progress_bar(json_output) as progress:
+        parsed = read_model(model, parameters or (), progress=part(progress, 0.0, reading))
+        if counts is None and isinstance(parsed, DualScattering):
+            counts = AUTO
+        if counts is not None and not hasattr(parsed, "with_strands"):
+            parsed = Strands(parsed)
         result = fit(
             parsed, number, strands=counts, form=form, objective=objective, family=family, defensive=defensive,
-            progress=progress,
+            progress=part(progress, reading, 1 - reading),
         )  # fmt: skip
     whole = time.perf_counter() - start
     summary = fit_summary(result) | {"seconds_in_all": round(whole, 3)}

@@ -90,10 +90,10 @@ def export(
     tables = None
     if wanted and known is not None:
         report("tables", 0.0)
-        tables = reduce_tables(known, sampler.covers, target.tolerance, lambda done: report("tables", 0.5 * done))
+        tables = reduce_tables(known, sampler.covers, target.tolerance, lambda done: report("tables", target.tables * done))
 
     def about() -> list[str]:
-        report("measuring", 0.5)
+        report("measuring", 1 - target.tables)
         return describe(sampler, known)
 
     return target.write(Job(sampler, name, host_frame, about, tables, known, report))

@@ -92,6 +92,8 @@ class Host:
         Whether the scattering function goes along.
     tolerance
         How far its tables may be off, of ∫ f cos.
+    tables
+        The tables' share of all the work, as progress tells it; what is measured for the text's head takes as much.
     textured
         Whether the scattering function's tables are a texture, in a file beside the text.
     named, framed
@@ -104,6 +106,7 @@ class Host:
     write: Callable[[Job], Export]
     model: Literal["when asked", "always", "never"] = "when asked"
     tolerance: float = TOLERANCE
+    tables: float = 0.5
     textured: bool = False
     named: bool = True
     framed: bool = True

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cuticle._support import validate
-from cuticle._support.progress import Progress
+from cuticle._support.progress import Progress, part
 from cuticle.fitting.closed_forms import DRAFT, DocumentFunctions, document_nodes
 from cuticle.fitting.closed_forms import THETA_NODES as DOCUMENT_NODES
 from cuticle.fitting.costs import traced_cost
@@ -98,11 +98,12 @@ def fit(
     validate.choice("form", form, FORMS)
     validate.choice("objective", objective, OBJECTIVES)
     validate.choice("family", family, (*FAMILIES, BEST))
+    report = progress or (lambda phase, fraction: None)
     if family == BEST:
         tried = {
             name: fit(
                 model, lobes, strands=strands, form=form, objective=objective, family=name, defensive=defensive,
-                functions=functions, progress=_share_of(progress, i / len(FAMILIES), 1 / len(FAMILIES)),
+                functions=functions, progress=part(report, i / len(FAMILIES), 1 / len(FAMILIES)),
             )
             for i, name in enumerate(FAMILIES)
         }  # fmt: skip
@@ -118,7 +119,6 @@ def fit(
         raise TypeError(f"functions must be DocumentFunctions, got {type(functions).__name__}; cuticle.document finds them")
     check_model(model)
     counts = _counts(model, strands)
-    report = progress or (lambda phase, fraction: None)
 
     def with_strands(n: float) -> Any:
         return model if n == strands_of(model) else model.with_strands(n)  # type: ignore[attr-defined]
@@ -141,8 +141,10 @@ def fit(
         about["functions"] = [line for lines in functions.code() for line in lines]
     about |= provenance(model)
     sampler = Sampler(found.nodes, found.energy, counts, found.even, about, family)
-    report("measuring", 0.95)
-    quality = [[measure(sampler, with_strands(n), float(t), n) for t in MEASURED_AT] for n in counts]
+    quality = []
+    for i, n in enumerate(counts):
+        report("measuring", 0.8 + 0.2 * i / len(counts))
+        quality.append([measure(sampler, with_strands(n), float(t), n) for t in MEASURED_AT])
     # The fit's own grids are coarse: places where they find a low ESS are measured again.
     measured = [
         Worst(q.ess, float(t), n)
@@ -180,11 +182,6 @@ def _lowest(ess: Array, strands: Array, theta_r: Array) -> list[tuple[float, flo
     return [(float(strands[k]), float(theta_r[k])) for k in np.argsort(ess)[:_DOUBTED]]
 
 
-def _share_of(progress: Progress | None, start: float, share: float) -> Progress | None:
-    """Return what reports a part of the work as that share of the whole."""
-    return None if progress is None else lambda phase, fraction: progress(phase, start + share * fraction)
-
-
 def _counts(model: Any, strands: Sequence[float] | str | None) -> tuple[float, ...]:
     own = strands_of(model)
     if strands is None:
@@ -210,16 +207,16 @@ def _fit_lobes(
     groups = [g for g in (tuple(n for n in counts if n == 0), tuple(n for n in counts if n > 0)) if g]
     points: list[Points] = []
     for g in groups:
-        report("tabulating", 0.3 * len(points) / len(groups))
+        report("tabulating", 0.2 * len(points) / len(groups))
         points.append(make_points(with_strands, g, objective, family, dense=lobes is None or lobes <= _DENSE))
     candidates: tuple[Candidate, ...] = ()
     if lobes is None:
         lobes, candidates = _choose_lobes(points, report)
-    tables = []
-    for i, p in enumerate(points):
-        low, width = 0.4 + 0.55 * i / len(groups), 0.55 / len(groups)
-        u = fit_table(p, lobes, lambda phase, f, a=low, b=width: report(phase, a + b * f))  # type: ignore[misc]
-        tables.append(to_natural(u))
+    tables, done = [], 0.3
+    for p in points:
+        share = 0.5 * len(p.on_nodes) / len(counts)
+        tables.append(to_natural(fit_table(p, lobes, part(report, done, share))))
+        done += share
     energy = np.concatenate([p.targets.energy[p.on_nodes] for p in points])
     ess = np.concatenate([ess_of(p.targets, p.natural(x)) for p, x in zip(points, tables, strict=True)])
     lowest = _lowest(ess, *(np.concatenate([getattr(p, name) for p in points]) for name in ("strands", "theta_r")))
@@ -231,7 +228,7 @@ def _choose_lobes(points: Sequence[Points], report: Progress) -> tuple[int, tupl
     grown = [grow_at_start(p, MAX_AUTO_LOBES) for p in points]
     candidates: list[Candidate] = []
     for k in range(1, MAX_AUTO_LOBES + 1):
-        report(f"weighing {k} lobes", 0.3 + 0.1 * k / MAX_AUTO_LOBES)
+        report(f"weighing {k} lobes", 0.2 + 0.1 * k / MAX_AUTO_LOBES)
         values = []
         for p, fits in zip(points, grown, strict=True):
             u = carry(p, fits[k - 1])

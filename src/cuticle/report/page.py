@@ -14,6 +14,7 @@ import jinja2
 import numpy as np
 
 from cuticle._support.files import read_bytes, read_text, reading, write_text
+from cuticle._support.json_file import read_json
 from cuticle._support.plain_values import number
 from cuticle._support.version import __version__
 from cuticle.draft.as_values import VERSION
@@ -77,7 +78,7 @@ def write_report(folder: str | os.PathLike[str]) -> Path:
 def _read(path: Path) -> Any:
     with reading(path, "result"):
         try:
-            data = json.loads(read_text(path, "result"))
+            data = read_json(read_text(path, "result"))
         except json.JSONDecodeError as error:
             raise ValueError(f"it is cut short or no JSON ({error})") from None
         if not isinstance(data, dict):

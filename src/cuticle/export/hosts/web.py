@@ -20,6 +20,7 @@ from cuticle.fitting.fit import fit
 LOBES = (1, 2, 4, 8)
 # What a fit takes, in fits of one lobe: for up to two strand counts, and for more. Measured with two fibres.
 _COSTS = {1: (1.0, 1.0), 2: (1.0, 1.1), 4: (1.3, 1.6), 8: (2.6, 12.0)}
+TABLES, FITS = 0.1, 0.8  # shares of all the work
 TOLERANCE = 0.02  # of ∫ f cos: a page is loaded whole
 _COLOR = {1: "vec3(f)", 2: "vec3(f, 0.0)", 3: "f", 4: "f.rgb"}
 
@@ -42,12 +43,12 @@ def page(job: Job) -> Export:
     costs = {k: _COSTS[k][len(counts or ()) > 2] for k in LOBES if k != sampler.lobes}
     done, whole, begin = 0.0, sum(costs.values()), time.perf_counter()
     for k, cost in costs.items():
-        progress(f"fitting {k} lobes", 0.5 + 0.45 * done / whole)
+        progress(f"fitting {k} lobes", TABLES + FITS * done / whole)
         samplers[k] = fit(model, k, strands=counts, objective=objective).sampler
         if not done:  # the cheapest, and the measure of the others
-            expect(progress, (time.perf_counter() - begin) * (whole / cost - 1))
+            expect(progress, (time.perf_counter() - begin) * whole / cost / FITS)
         done += cost
-    progress("writing", 0.95)
+    progress("writing", TABLES + FITS)
     ordered = dict(sorted(samplers.items()))
     own = replace(job, name="fibre", frame=FRAMES["local-x"], about=list)
     scattering = shader(own, DIALECT, inline=False)
@@ -87,5 +88,6 @@ def _packed(texels: NDArray[np.float32]) -> str:
 
 
 HOST = Host(
-    "a page in which to turn viewer, strands and number of lobes", page, model="always", tolerance=TOLERANCE, framed=False
-)
+    "a page in which to turn viewer, strands and number of lobes", page, model="always", tolerance=TOLERANCE, tables=TABLES,
+    framed=False,
+)  # fmt: skip
