@@ -9,7 +9,7 @@ import pytest
 
 from cuticle import DualScattering, Fibre
 from cuticle.scattering.strand_transport import Directions, Scattering, StrandTransport
-from cuticle.scattering.through_strands import through_tables
+from cuticle.scattering.through_strands import passed_through
 from strand_walk import passed, quadrature, walk
 
 FIBRES = {
@@ -78,8 +78,8 @@ def test_an_end_of_the_strands_behind_is_a_walks(strands: float, behind: float) 
 @pytest.mark.parametrize("degrees", [0, -55])
 def test_what_hair_passes_on_is_a_walks(name: str, degrees: float) -> None:
     fibre, c = FIBRES[name], CHANNEL.get(name, 0)
-    tables, theta, count = through_tables(fibre), np.radians(degrees), 200_000
-    sheets, random = ([np.exp(np.interp(theta, Directions().theta, row)) for row in kind[..., c]] for kind in tables.passed)
+    (table, _), theta, count = passed_through(fibre), np.radians(degrees), 200_000
+    sheets, random = ([np.exp(np.interp(theta, Directions().theta, row)) for row in kind[..., c]] for kind in table)
     for slot, n in ((1, 1), (2, 2), (3, 4)):
         want = passed(fibre, fibre.absorption[c], theta, np.full(count, n))
         assert sheets[slot] == pytest.approx(want, rel=0.02, abs=1e-3)

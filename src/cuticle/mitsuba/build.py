@@ -22,7 +22,7 @@ from cuticle.scattering.fibre import Fibre
 from cuticle.scattering.fibre_tables import AVERAGE_LIMIT
 from cuticle.scattering.host_tables import TOLERANCE
 from cuticle.scattering.marschner import Marschner
-from cuticle.scattering.through_strands import through_tables
+from cuticle.scattering.through_strands import passed_through, through_tables
 
 # Where a spectrum of three values turns from blue to green and from green to red, nm.
 PRIMARY_EDGES = (453.5, 512.9, 587.6, 598.4)
@@ -113,9 +113,10 @@ def _closed_forms(props: Any, fibre: Fibre | Chiang) -> None:
     props["sigma_a_ratio"] = _RATIO
     props["direct"] = _tensor(tables.single.tables.direct)
     if tables.model is not None:
-        through = through_tables(tables.model.fibre)
-        props["transmittance"], props["transmittance_limit"] = _tensor(through.passed), through.limit
+        passed, limit = passed_through(tables.model.fibre)
+        props["transmittance"], props["transmittance_limit"] = _tensor(passed), limit
         if tables.model.formulation == "exact":
+            through = through_tables(tables.model.fibre)
             props["through_lobes"], props["through_azimuth"] = _tensor(through.lobes), _tensor(through.azimuth)
             props["through_behind"], props["through_limit"] = _tensor(through.behind), through.limit
         else:

@@ -37,23 +37,27 @@ class ThroughTables(NamedTuple):
     - `behind`, (rows, 3, channels): the rates at which the backscatter of direct and of scattered light grows with the
       strands behind, out of a half space's; and what comes through strands where none stands behind, out of what does
       before a half space.
-    - `passed`: what `transmittance_table` returns.
     """
 
     lobes: Array
     azimuth: Array
     behind: Array
     limit: float
-    passed: Array
 
 
 def through_tables(fibre: Fibre, *, medium: bool = False) -> ThroughTables:
     """Return the tables of a fibre, one column an absorption: for sheets, and for a lock or a medium."""
-    return _through_tables(fibre.replace(d_f=1.0, d_b=1.0, formulation="exact"), medium)  # neither changes them
+    return _tables(fibre.replace(d_f=1.0, d_b=1.0, formulation="exact"), medium)[0]  # neither changes them
+
+
+def passed_through(fibre: Fibre) -> tuple[Array, float]:
+    """Return `transmittance_table` of a fibre, one column an absorption, and the largest inclination of its rows."""
+    tables, passed = _tables(fibre.replace(d_f=1.0, d_b=1.0, formulation="exact"), False)
+    return passed, tables.limit
 
 
 @lru_cache(maxsize=16)
-def _through_tables(fibre: Fibre, medium: bool) -> ThroughTables:
+def _tables(fibre: Fibre, medium: bool) -> tuple[ThroughTables, Array]:
     absorption = np.array(fibre.absorption)
     solved = _solved(absorption)
     direct = azimuthal_tables(fibre.eta, fibre.absorption, float(np.radians(fibre.beta_N)), True).direct
@@ -62,7 +66,7 @@ def _through_tables(fibre: Fibre, medium: bool) -> ThroughTables:
     for table in tables:
         table.setflags(write=False)
     lobes, azimuth, behind, passed = tables
-    return ThroughTables(lobes, azimuth, behind, float(Directions().theta[-1]), passed)
+    return ThroughTables(lobes, azimuth, behind, float(Directions().theta[-1])), passed
 
 
 def _solved(absorption: Array) -> Array:
