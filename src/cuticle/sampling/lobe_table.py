@@ -8,6 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from cuticle._support.validate import MAX_STRANDS
+
 # The order of include/cuticle/sampler/lobes.h: both coordinates of a kind side by side.
 PARAMETERS = ("weight", "mean_theta", "mean_phi", "sigma_theta", "sigma_phi")
 WEIGHT, MEAN_THETA, MEAN_PHI, SIGMA_THETA, SIGMA_PHI = range(5)
@@ -30,8 +32,8 @@ def check_table(nodes: NDArray, energy: NDArray, strands: Sequence[float], even:
     if not (np.isfinite(energy).all() and (energy > 0).all()):
         raise ValueError("energy must be finite and above 0 everywhere")
     counts = np.array(strands)
-    if not np.isfinite(counts).all() or (counts < 0).any() or (np.diff(counts) <= 0).any():
-        raise ValueError(f"strands must be increasing counts from 0 on, got {list(strands)}")
+    if not ((counts >= 0) & (counts <= MAX_STRANDS)).all() or (np.diff(counts) <= 0).any():
+        raise ValueError(f"strands must be increasing counts from 0 on, up to {MAX_STRANDS:g}, got {list(strands)}")
     weight, mean_t, mean_p, sigma_t, sigma_p = np.moveaxis(nodes, 2, 0)
     if (weight < 0).any() or not np.allclose(weight.sum(axis=-1), 1, rtol=0, atol=1e-6):
         raise ValueError(
