@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 _STEP = 1 / 16  # strands in the thinnest layer: its second-order error is below a thousandth
 _DOUBLINGS = 14
-PASSED = 4  # doublings of sheets of which what they pass on is told
+PASSED = 6  # doublings of sheets of which what they pass on is told
 _SETTLED = 1e-4  # of the energy that a half space reflects
 
 
@@ -172,17 +172,18 @@ def _doubled(on: Array, back: Array) -> tuple[Array, Array]:
     return on @ between, back + on @ (back @ between)
 
 
-def _half_space(on: Array, back: Array, least: int = 0) -> tuple[Array, list[Array]]:
-    """R of endless layers, and T of 1, 2, 4, ... of them, after so many doublings at the least."""
-    passed = [on]
+def _half_space(on: Array, back: Array, passed: int = 0) -> tuple[Array, list[Array]]:
+    """R of endless layers, and T of 1, 2, 4, ... of them, up to so many doublings."""
+    kept = [on]
     for k in range(_DOUBLINGS):
         on, more = _doubled(on, back)
-        passed.append(on)
         settled = np.abs(more - back).sum(axis=1).max() < _SETTLED
         back = more
-        if settled and k + 1 >= least:
+        if k < passed:
+            kept.append(on)
+        elif settled:
             break
-    return back, passed
+    return back, kept
 
 
 def _thin(on: Array, back: Array, slant: Array) -> tuple[Array, Array]:
@@ -286,7 +287,7 @@ class StrandTransport:
         """
         d = self.directions
         about = slice(1, 2) if d.even else slice(d.columns, d.columns + 2)
-        into = [on[:, d.rows :].sum(axis=1).reshape(-1, d.rows) for on in self._layers[1][: PASSED + 1]]
+        into = [on[:, d.rows :].sum(axis=1).reshape(-1, d.rows) for on in self._layers[1]]
         return np.array([x[about].mean(axis=0) for x in into])
 
     def one_behind(self) -> Array:

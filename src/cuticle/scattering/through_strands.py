@@ -115,12 +115,13 @@ def transmittance_table(transports: Sequence[StrandTransport]) -> Array:
     0 (sheets: 1; a random number: the limit), 1, 2, 4, 8 and 16 strands.
     """
     passed = _log(np.array([t.passed() for t in transports]))[..., ::-1]  # rows were directions of travel
-    sheets, numbers = 2 ** np.arange(PASSED + 1), np.arange(1, 64)
+    sheets = 2 ** np.arange(PASSED + 1)
+    numbers, slots = np.arange(1, sheets[-1] + 1), sheets[:5]
     # Light falls as 1/(1 + c n) or as a power: nearly straight in ln n either way, between numbers so close.
     each = np.exp(PchipInterpolator(np.log(sheets), passed, axis=1)(np.log(numbers)))
-    shares = np.array([poisson.pmf(numbers, max(n, 1e-6)) for n in (0, *sheets)])
+    shares = np.array([poisson.pmf(numbers, max(n, 1e-6)) for n in (0, *slots)])
     random = np.einsum("sn,cnr->csr", shares / shares.sum(axis=1, keepdims=True), each)
-    return np.moveaxis(np.array([np.concatenate([passed[:, :1], passed], axis=1), _log(random)]), 1, -1)
+    return np.moveaxis(np.array([passed[:, [0, *range(len(slots))]], _log(random)]), 1, -1)
 
 
 def _log(moments: Array) -> Array:
