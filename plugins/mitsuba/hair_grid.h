@@ -21,10 +21,13 @@
 namespace cuticle_mitsuba {
 
 // The control points (x y z radius each) and the first control point of each cubic segment, read off a shape. `places` are
-// the rows of the 3 x 4 matrices that move them into the scene.
+// the 3 x 4 matrices that move them into the scene.
 template <class Float> class CurveReader final : public mitsuba::TraversalCallback {
   public:
-    using Place = std::array<float, 12>;
+    struct Place {
+        std::array<float, 12> rows;
+        float scale;  // of radii
+    };
     const mitsuba::Object *shape = nullptr;
     size_t kind = 0;  // of hair
     std::vector<float> points;
@@ -69,7 +72,8 @@ template <class Float> class HairGrid {
             known = m_curves.end() - 1;
         }
         typename CurveReader<Float>::Place place;
-        for (size_t k = 0; k < place.size(); ++k) place[k] = float(to_world.matrix(k / 4, k % 4));
+        for (size_t k = 0; k < place.rows.size(); ++k) place.rows[k] = float(to_world.matrix(k / 4, k % 4));
+        place.scale = std::cbrt(float(dr::abs(dr::det(to_world.matrix))));
         known->places.push_back(place);
         return true;
     }
@@ -91,7 +95,7 @@ template <class Float> class HairGrid {
             add_word(uint32_t(curves.kind));
             for (const float x : curves.points) add_float(x);
             for (const auto &place : curves.places)
-                for (const float x : place) add_float(x);
+                for (const float x : place.rows) add_float(x);
             for (const uint32_t first : curves.segments) add_word(first);
         }
         if (mark != m_mark) deposit(cells);
@@ -152,18 +156,14 @@ template <class Float> class HairGrid {
     template <class Use> void each_piece(const Use &use) const {
         for (const auto &curves : m_curves)
             for (const auto &place : curves.places) {
-                const auto row = [&](size_t a) { return &place[4 * a]; };
-                const float volume = row(0)[0] * (row(1)[1] * row(2)[2] - row(1)[2] * row(2)[1]) -
-                                     row(0)[1] * (row(1)[0] * row(2)[2] - row(1)[2] * row(2)[0]) +
-                                     row(0)[2] * (row(1)[0] * row(2)[1] - row(1)[1] * row(2)[0]);
-                const float scale = std::cbrt(std::abs(volume));
+                const auto row = [&](size_t a) { return &place.rows[4 * a]; };
                 for (const uint32_t first : curves.segments) {
                     float p[16];
                     for (size_t k = 0; k < 4; ++k) {
                         const float *c = curves.points.data() + 4 * (size_t(first) + k);
                         for (size_t a = 0; a < 3; ++a)
                             p[4 * k + a] = row(a)[0] * c[0] + row(a)[1] * c[1] + row(a)[2] * c[2] + row(a)[3];
-                        p[4 * k + 3] = scale * c[3];
+                        p[4 * k + 3] = place.scale * c[3];
                     }
                     float from[4], to[4];
                     spline(p, 0, from);
