@@ -26,6 +26,9 @@ from .sampling.sampler import Sampler as Sampler
 from .scattering import conventions as conventions
 from .scattering import presets as presets
 from .scattering.among_strands import Strands as Strands
+from .scattering.any_fibre import Family as Family
+from .scattering.any_fibre import Fibres as Fibres
+from .scattering.any_fibre import family as family
 from .scattering.bcsdf import Bcsdf as Bcsdf
 from .scattering.chiang import Chiang as Chiang
 from .scattering.chiang import ChiangNear as ChiangNear

@@ -25,6 +25,31 @@ def backscatter(
     a_f: float, a_b: float, alpha_f: float, alpha_b: float, beta_f: float, beta_b: float, exact: bool, d_b: float
 ) -> tuple[float, float, float]: ...
 def energy_conserving_m(theta_i: NDArray, cone: NDArray, variance: NDArray, out: NDArray) -> None: ...
+def longitudinal_deviation(beta_m: float) -> float: ...
+def azimuthal_scale(beta_n: float) -> float: ...
+def far_eval(
+    chiang: bool,
+    parameters: NDArray,
+    sigma_a: NDArray,
+    luminance: NDArray,
+    theta_i: NDArray,
+    theta_r: NDArray,
+    phi: NDArray,
+    f: NDArray,
+    pdf: NDArray,
+) -> None: ...
+def far_sample(
+    chiang: bool,
+    parameters: NDArray,
+    sigma_a: NDArray,
+    luminance: NDArray,
+    theta_r: NDArray,
+    u: NDArray,
+    theta_i: NDArray,
+    phi: NDArray,
+    f: NDArray,
+    pdf: NDArray,
+) -> None: ...
 def rest_energies(eta: float, sigma_a: NDArray, offsets: int, out: NDArray) -> None: ...
 
 class ChiangNear:

@@ -6,6 +6,7 @@
 namespace native {
 
 void bind_densities(nanobind::module_ &m);
+void bind_far_field(nanobind::module_ &m);
 void bind_fit(nanobind::module_ &m);
 void bind_groom(nanobind::module_ &m);
 void bind_models(nanobind::module_ &m);

@@ -26,6 +26,7 @@ NB_MODULE(_core, m) {
     m.doc() = "The compiled core of cuticle. Its callers validate and shape the arrays; use the package instead.";
     m.def("in_one_line", &in_one_line);
     native::bind_densities(m);
+    native::bind_far_field(m);
     native::bind_fit(m);
     native::bind_groom(m);
     native::bind_models(m);

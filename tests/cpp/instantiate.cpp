@@ -196,6 +196,28 @@ template <class F, class S, class M> struct Use {
         return s.pdf + chiang_far_rest(rest, x, y, locate(AbsorptionRange<S>{S(.1), S(1.2), 0, 9}, x));
     }
 #endif
+#ifdef USE_scattering_far_cells
+    F cells() const {
+        const Turned<F> at = turned(Azimuthal::normal, x, unit_rate(Azimuthal::normal, y), y, z);
+        constexpr auto geometry = cell_geometry<S>(true);
+        return at.whole + at.rest + turn_of(Azimuthal::logistic, x, y) + F(geometry.width[0]);
+    }
+#endif
+#ifdef USE_scattering_far_fibre
+    F fibre() const {
+        const F alpha[] = {x, y, z};
+        return chiang_fibre(x, y, z, x).width + marschner_fibre(alpha, alpha, x, y).tilt[2];
+    }
+#endif
+#ifdef USE_scattering_far_field
+    F far(F *f) const {
+        const F sigma_a[] = {x, y, z};
+        const S luminance[] = {S(.2), S(.7), S(.1)};
+        const FarFibre<F> fibre = chiang_fibre(x, y, z, x);
+        const auto field = far_field<3>(Azimuthal::logistic, fibre, x, sigma_a, luminance);
+        return far_eval(Azimuthal::normal, field, x, y, f) + far_sample(Azimuthal::normal, field, x, y, z, f).pdf;
+    }
+#endif
 #ifdef USE_scattering_function_table
     void function_table(F *f) const {
         const TabulatedModel<S, M> model{memory, memory, numbers, 3, 5, 5, 5, 5, 3, S(1), S(1), true};

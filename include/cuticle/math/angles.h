@@ -7,6 +7,17 @@
 
 namespace cuticle {
 
+namespace math {
+
+// asin on [0, 1], error below 4e-8 (Abramowitz and Stegun 4.4.46).
+template <class T> CUTICLE_INLINE T asin_single(const T &x) {
+    return T(half_pi<T>) - math::sqrt(math::max(T(T(1) - x), T(0))) *
+                               polynomial(x, T(-.0012624911f), T(.0066700901f), T(-.0170881256f), T(.0308918810f),
+                                          T(-.0501743046f), T(.0889789874f), T(-.2145988016f), T(1.5707963050f));
+}
+
+}  // namespace math
+
 template <class Float> CUTICLE_HD Float theta_half(const Float &theta_i, const Float &theta_r) {
     return Float(.5) * (theta_i + theta_r);
 }

@@ -7,7 +7,7 @@
 namespace cuticle {
 
 // cdf of the logistic distribution of scale s before truncation; x <= 0, so that the exponent is a decay.
-template <class Float> CUTICLE_HD Float logistic_lower(const Float &x, const Float &s) {
+template <class Float> CUTICLE_INLINE Float logistic_lower(const Float &x, const Float &s) {
     const Float e = math::decay(Float(x / s));
     return e / (Float(1) + e);
 }

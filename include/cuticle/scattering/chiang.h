@@ -113,13 +113,7 @@ CUTICLE_HD Sample<Float> chiang_sample(const ChiangFibre<Scalar> &fibre, const C
         else rest = here;
     }
     const Float left = math::clamp(Float((u_lobe - start) / width), Float(0), Float(1));
-    // About the axis: cos = 1 + v ln(u + (1 - u) exp(-2/v)), with u in (0, 1].
-    const Float v = variance, u = Float(1) - u_theta;
-    const Float inside = math::max(Float(u + (Float(1) - u) * math::decay(Float(Float(-2) / v))), Float(smallest<Float>));
-    const Float c = math::clamp(Float(Float(1) + v * math::log(inside)), Float(-1), Float(1));
-    const Float s = math::sqrt(math::max(Float(Float(1) - c * c), Float(0)));
-    const Float sine = c * math::sin(axis) + s * math::cos(Float(Float(2 * pi<double>) * left)) * math::cos(axis);
-    const Float theta_i = math::asin(math::clamp(sine, Float(-1), Float(1)));
+    const Float theta_i = about_axis(axis, variance, u_theta, Float(Float(2 * pi<double>) * left));
     const Float about = select(rest, Float(Float(2 * pi<double>) * u_phi - Float(pi<double>)),
                                Float(azimuth + trimmed_logistic_inverse(u_phi, Float(fibre.scale))));
     const Float phi = math::wrap_angle(about);

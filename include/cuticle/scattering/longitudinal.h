@@ -16,7 +16,7 @@ template <class Float> CUTICLE_HD Float gaussian(const Float &x, const Float &va
 // exp(-x) I0(x), x >= 0: Abramowitz and Stegun 9.8.1 and 9.8.2, relative error below 5e-7.
 // Hosts are off about x = 12: above, by ½ % where they expand log I0 and halve its 1/(8x) term; below, where they cut the
 // series off, by 2 % after nine terms and ½ % after ten.
-template <class Float> CUTICLE_HD Float i0_scaled(const Float &x) {
+template <class Float> CUTICLE_INLINE Float i0_scaled(const Float &x) {
     const Float split = Float(3.75);
     const Float small = math::min(x, split), large = math::max(x, split);
     const Float t = math::sqr(Float(small * Float(1 / 3.75))), r = split / large;
@@ -32,7 +32,8 @@ template <class Float> CUTICLE_HD Float i0_scaled(const Float &x) {
 
 // d'Eon 2011, Eq. 7: a density in theta_i with ∫ M cos(theta_i) d theta_i = 1 for every theta_cone and variance v
 // (in theta): M = csch(1/v)/(2v) exp(sin theta_i sin theta_cone / v) I0(cos theta_i cos theta_cone / v).
-template <class Float> CUTICLE_HD Float energy_conserving_m(const Float &theta_i, const Float &theta_cone, const Float &v) {
+template <class Float>
+CUTICLE_INLINE Float energy_conserving_m(const Float &theta_i, const Float &theta_cone, const Float &v) {
     const Float product = math::cos(theta_i) * math::cos(theta_cone), x = math::abs(product) / v;
     // All exponents joined, sin sin + |cos cos| - 1 being -2 sin² of half the difference (past a pole, where cos cos is
     // negative, -2 cos² of half the sum): nothing overflows, and single precision keeps its digits however small v is.
@@ -43,6 +44,18 @@ template <class Float> CUTICLE_HD Float energy_conserving_m(const Float &theta_i
     // 1 - exp(-2/v), which rounding would take below 0 for wide lobes; the series never lies above it.
     const Float left = math::max(Float(Float(1) - math::decay(Float(-over))), Float(over - Float(.5) * over * over));
     return math::decay(Float(-over * distance * distance)) * i0_scaled(x) / (v * left);
+}
+
+// Draws theta_i from M cos(theta_i) (d'Eon, Marschner and Hanika 2013): a direction about the lobe's axis, of which
+// cos = 1 + v ln(u + (1 - u) exp(-2/v)) with u in (0, 1], turned about that axis by `around` radians.
+template <class Float>
+CUTICLE_HD Float about_axis(const Float &axis, const Float &variance, const Float &u_theta, const Float &around) {
+    const Float v = variance, u = Float(1) - u_theta;
+    const Float inside = math::max(Float(u + (Float(1) - u) * math::decay(Float(Float(-2) / v))), Float(smallest<Float>));
+    const Float c = math::clamp(Float(Float(1) + v * math::log(inside)), Float(-1), Float(1));
+    const Float s = math::sqrt(math::max(Float(Float(1) - c * c), Float(0)));
+    const Float sine = c * math::sin(axis) + s * math::cos(around) * math::cos(axis);
+    return math::asin(math::clamp(sine, Float(-1), Float(1)));
 }
 
 // A lobe's longitudinal part as it multiplies N in f, for shift alpha and variance (both in theta_h):

@@ -7,16 +7,16 @@
 namespace cuticle {
 
 // Unpolarised Fresnel reflectance of a dielectric, light coming from outside; cos_i in [0, 1].
-template <class Float> CUTICLE_HD Float fresnel(const Float &cos_i, const Float &eta) {
+template <class Float> CUTICLE_INLINE Float fresnel(const Float &cos_i, const Float &eta) {
     const Float sin2_t = (Float(1) - cos_i * cos_i) / (eta * eta);
     const Float cos_t = math::sqrt(math::max(Float(Float(1) - sin2_t), Float(0)));
-    const Float s = (cos_i - eta * cos_t) / (cos_i + eta * cos_t);
-    const Float p = (eta * cos_i - cos_t) / (eta * cos_i + cos_t);
-    return Float(.5) * (s * s + p * p);
+    const Float s = cos_i + eta * cos_t, p = eta * cos_i + cos_t;  // one division for both polarisations
+    return Float(.5) * (math::sqr(Float((cos_i - eta * cos_t) * p)) + math::sqr(Float((eta * cos_i - cos_t) * s))) /
+           math::sqr(Float(s * p));
 }
 
 // Bravais index eta' of the cross-section (Marschner 2003, Appendix B).
-template <class Float> CUTICLE_HD Float bravais_index(const Float &sin_d, const Float &cos_d, const Float &eta) {
+template <class Float> CUTICLE_INLINE Float bravais_index(const Float &sin_d, const Float &cos_d, const Float &eta) {
     return math::sqrt(Float(eta * eta - sin_d * sin_d)) / cos_d;
 }
 
@@ -29,21 +29,25 @@ template <class Float> struct CrossSection {
 
 // Differs from the paper in: the chord is 2 cos gamma_t / cos theta_t; Marschner 2003 prints
 // 2 (1 + cos 2 gamma_t), twice the squared chord of the unit circle (a known slip).
+template <class Float> CUTICLE_INLINE Float chord_of(const Float &sin_gamma_t, const Float &sin_d, const Float &eta) {
+    const Float sin_theta_t = sin_d / eta;
+    const Float cos_gamma_t = math::sqrt(math::max(Float(Float(1) - sin_gamma_t * sin_gamma_t), Float(0)));
+    return Float(2) / math::sqrt(Float(Float(1) - sin_theta_t * sin_theta_t)) * cos_gamma_t;
+}
+
 template <class Float>
 CUTICLE_HD CrossSection<Float> cross_section(const Float &gamma_i, const Float &sin_d, const Float &cos_d,
                                              const Float &eta) {
     const Float sin_gamma_t = math::sin(gamma_i) / bravais_index(sin_d, cos_d, eta);
-    const Float sin_theta_t = sin_d / eta;
-    const Float cos_gamma_t = math::sqrt(math::max(Float(Float(1) - sin_gamma_t * sin_gamma_t), Float(0)));
     return {gamma_i, math::asin(sin_gamma_t), fresnel(Float(cos_d * math::cos(gamma_i)), eta),
-            Float(2) * cos_gamma_t / math::sqrt(Float(Float(1) - sin_theta_t * sin_theta_t))};
+            chord_of(sin_gamma_t, sin_d, eta)};
 }
 
 // Attenuation A(p, h) of lobe p (0 R, 1 TT, 2 TRT) for absorption sigma_a per radius; 3 is the sum of all orders past TRT.
 // With `closed` those are folded into TRT, A / (1 - F T), so that the lobes sum to 1 where nothing is absorbed;
 // Marschner 2003 and d'Eon 2011 drop them, Chiang 2016 gives them a lobe of their own.
 template <class Float>
-CUTICLE_HD Float attenuation(int p, const CrossSection<Float> &ray, const Float &sigma_a, bool closed) {
+CUTICLE_INLINE Float attenuation(int p, const CrossSection<Float> &ray, const Float &sigma_a, bool closed) {
     const Float f = ray.fresnel;
     if (p == 0) return f;
     const Float t = math::decay(Float(-sigma_a * ray.chord));
@@ -56,7 +60,7 @@ CUTICLE_HD Float attenuation(int p, const CrossSection<Float> &ray, const Float 
 }
 
 // Azimuth phi_p(h) = 2 p gamma_t - 2 gamma_i + p pi at which lobe p leaves (unwrapped).
-template <class Float> CUTICLE_HD Float exit_azimuth(int p, const CrossSection<Float> &ray) {
+template <class Float> CUTICLE_INLINE Float exit_azimuth(int p, const CrossSection<Float> &ray) {
     return Float(2 * p) * ray.gamma_t - Float(2) * ray.gamma_i + Float(p * pi<double>);
 }
 

@@ -2,6 +2,7 @@
 #ifndef CUTICLE_SIMD_PACK_MATH_H
 #define CUTICLE_SIMD_PACK_MATH_H
 
+#include "cuticle/math/angles.h"
 #include "cuticle/math/erf.h"
 #include "cuticle/simd/pack.h"
 
@@ -34,6 +35,21 @@ CUTICLE_INLINE auto chunk_max(const NativeChunk<16>::Single &a, const NativeChun
 CUTICLE_INLINE auto chunk_min(const NativeChunk<16>::Single &a, const NativeChunk<16>::Single &b) {
     return __builtin_ia32_minps512_mask(b, a, a, -1, 4);
 }
+#endif
+#endif
+
+template <class V> CUTICLE_INLINE V chunk_sqrt(const V &x) {
+    V r;
+    for (std::size_t i = 0; i < sizeof(V) / sizeof(x[0]); ++i) r[i] = math::sqrt(x[i]);
+    return r;
+}
+#if CUTICLE_NATIVE_PACK && !defined(__clang__) && defined(__SSE2__)
+CUTICLE_INLINE auto chunk_sqrt(const NativeChunk<4>::Single &x) { return __builtin_ia32_sqrtps(x); }
+#if defined(__AVX__)
+CUTICLE_INLINE auto chunk_sqrt(const NativeChunk<8>::Single &x) { return __builtin_ia32_sqrtps256(x); }
+#endif
+#if defined(__AVX512F__)
+CUTICLE_INLINE auto chunk_sqrt(const NativeChunk<16>::Single &x) { return __builtin_ia32_sqrtps512_mask(x, x, -1, 4); }
 #endif
 #endif
 
@@ -118,8 +134,6 @@ template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> log(const Pack<T, 
         return r;                                                                                \
     }
 CUTICLE_PACK_FUNCTION(exp)
-CUTICLE_PACK_FUNCTION(sqrt)
-CUTICLE_PACK_FUNCTION(asin)
 CUTICLE_PACK_FUNCTION(erf)
 CUTICLE_PACK_FUNCTION(erfc)
 #undef CUTICLE_PACK_FUNCTION
@@ -133,12 +147,41 @@ template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> abs(const Pack<T, 
 }
 // |x| below 2^31.
 template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> floor(const Pack<T, N, B> &x) {
-    const Pack<T, N, B> near = Pack<T, N, B>(ArrayTraits<Pack<T, N, B>>::to_index(x)), one(T(1));
-    return near - select(near > x, one, Pack<T, N, B>(T(0)));
+    using P = Pack<T, N, B>;
+    P near;
+    CUTICLE_UNROLL
+    for (int i = 0; i < P::chunks; ++i) {
+#if CUTICLE_NATIVE_PACK
+        if constexpr (std::is_same_v<T, float> && P::width > 1) {
+            const auto n = __builtin_convertvector(x.v[i], typename detail::NativeChunk<P::width>::Integer);
+            near.v[i] = __builtin_convertvector(n, typename P::Chunk);
+        } else
+#endif
+            if constexpr (P::width == 1)
+            near.v[i] = math::floor(x.v[i]);
+        else
+            for (int k = 0; k < P::width; ++k) near.v[i][k] = math::floor(x.v[i][k]);
+    }
+    return near - select(near > x, P(T(1)), P(T(0)));
 }
 template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> copysign(const Pack<T, N, B> &x, const Pack<T, N, B> &sign) {
     const Pack<T, N, B> size = abs(x);
     return select(sign < Pack<T, N, B>(T(0)), -size, size);
+}
+
+template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> sqrt(const Pack<T, N, B> &x) {
+    Pack<T, N, B> r;
+    CUTICLE_UNROLL
+    for (int i = 0; i < Pack<T, N, B>::chunks; ++i)
+        if constexpr (Pack<T, N, B>::width > 1) r.v[i] = detail::chunk_sqrt(x.v[i]);
+        else r.v[i] = math::sqrt(x.v[i]);
+    return r;
+}
+template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> asin(const Pack<T, N, B> &x) {
+    if constexpr (std::is_same_v<T, float> && CUTICLE_NATIVE_PACK) return copysign(math::asin_single(abs(x)), x);
+    Pack<T, N, B> r;
+    for (int i = 0; i < N; ++i) r.set(i, math::asin(x[i]));
+    return r;
 }
 
 template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> sin(const Pack<T, N, B> &x) {

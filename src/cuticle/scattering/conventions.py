@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cuticle import _core
 from cuticle._support import validate
 
 LEAST_ROUGHNESS = 0.01  # below, a lobe is narrower than a tenth of a degree: a mirror to any grid
@@ -29,12 +30,12 @@ PIGMENTS: dict[str, Pigments] = {
 
 def longitudinal_variance(beta_m: float) -> float:
     """Return the variance v of R's M in theta (radians squared) for a roughness beta_M; TT has v/4, TRT 4v. Chiang 2016."""
-    return (0.726 * beta_m + 0.812 * beta_m**2 + 3.7 * beta_m**20) ** 2
+    return _core.longitudinal_deviation(beta_m) ** 2
 
 
 def azimuthal_scale(beta_n: float) -> float:
     """Return the scale s (radians) of the trimmed logistic distribution for a roughness beta_N. Chiang 2016."""
-    return math.sqrt(math.pi / 8) * (0.265 * beta_n + 1.194 * beta_n**2 + 5.372 * beta_n**22)
+    return _core.azimuthal_scale(beta_n)
 
 
 def longitudinal_roughness(variance: float) -> float:
@@ -57,8 +58,11 @@ def half_angle_degrees(variance: float) -> float:
     return math.degrees(math.sqrt(variance)) / 2
 
 
-def sigma_a_of_color(color: ArrayLike, beta_n: float) -> NDArray[np.float64]:
-    """Return the absorption per radius at which multiple scattering shows `color`, each channel up to 1. Chiang 2016."""
+def sigma_a_of_color(color: ArrayLike, beta_n: ArrayLike) -> NDArray[np.float64]:
+    """Return the absorption per radius at which multiple scattering shows `color`, each channel up to 1. Chiang 2016.
+
+    Arrays broadcast: one roughness for each colour has a last axis of 1.
+    """
     c = validate.array("color", color, 1e-4, 1, np.float64, remedy="a colour is linear RGB; black hair has about 0.01")
     return (np.log(c) / _color_divisor(beta_n)) ** 2
 
@@ -69,12 +73,14 @@ def color_of_sigma_a(sigma_a: ArrayLike, beta_n: float) -> NDArray[np.float64]:
     return np.exp(-np.sqrt(s) * _color_divisor(beta_n))
 
 
-def sigma_a_of_pigment(eumelanin: float, pheomelanin: float = 0.0, *, pigments: str = "deon2011") -> NDArray[np.float64]:
-    """Return the absorption per radius (3,) of pigment concentrations in one of the sets of `PIGMENTS`."""
+def sigma_a_of_pigment(
+    eumelanin: ArrayLike, pheomelanin: ArrayLike = 0.0, *, pigments: str = "deon2011"
+) -> NDArray[np.float64]:
+    """Return the absorption per radius (..., 3) of pigment concentrations in one of the sets of `PIGMENTS`."""
     table = PIGMENTS[validate.choice("pigments", pigments, PIGMENTS)]
-    eu = validate.number("eumelanin", eumelanin, 0, 100, remedy="blond hair has 0.3, brown 1.3, black 8")
-    pheo = validate.number("pheomelanin", pheomelanin, 0, 100, remedy="red hair has about 1")
-    return eu * np.array(table["eumelanin"]) + pheo * np.array(table["pheomelanin"])
+    eu = validate.array("eumelanin", eumelanin, 0, 100, np.float64, remedy="blond hair has 0.3, brown 1.3, black 8")
+    pheo = validate.array("pheomelanin", pheomelanin, 0, 100, np.float64, remedy="red hair has about 1")
+    return eu[..., None] * np.array(table["eumelanin"]) + pheo[..., None] * np.array(table["pheomelanin"])
 
 
 def blender_pigment(melanin: float, redness: float) -> tuple[float, float]:
@@ -335,8 +341,8 @@ def _sigma_a(value: Any, scale: float) -> dict[str, Any]:
     return {"sigma_a": value} | ({} if scale == 1 else {"scale": scale})
 
 
-def _color_divisor(beta_n: float) -> float:
-    b = validate.number("beta_n", beta_n, 0, 1)
+def _color_divisor(beta_n: ArrayLike) -> NDArray[np.float64]:
+    b = validate.array("beta_n", beta_n, 0, 1, np.float64, remedy="roughness runs from 0.01 to 1")
     return 5.969 - 0.215 * b + 2.532 * b**2 - 10.73 * b**3 + 5.574 * b**4 + 0.245 * b**5
 
 

@@ -1,0 +1,53 @@
+// A fibre's parameters as they enter the far field, from Chiang's roughness and from Marschner's shifts and widths.
+#ifndef CUTICLE_SCATTERING_FAR_FIBRE_H
+#define CUTICLE_SCATTERING_FAR_FIBRE_H
+
+#include "cuticle/math/angles.h"
+#include "cuticle/scattering/chiang.h"
+
+namespace cuticle {
+
+constexpr int far_lobes = chiang_lobes;  // the last is Chiang's rest
+
+// Parameters as they enter f. `width` is D's: a normal's deviation or a logistic's scale, radians.
+template <class Float> struct FarFibre {
+    Float eta, width;
+    Float tilt[far_lobes], variance[far_lobes];  // of M in theta: how far scales move a lobe, and its variance, radians
+};
+
+// Chiang 2016: longitudinal and azimuthal roughness without unit, 0.05 to 1; alpha in radians, positive toward the root.
+template <class Float>
+CUTICLE_HD Float longitudinal_deviation(const Float &beta_m) {  // of R's M in theta; TT has half, TRT twice
+    const Float square = beta_m * beta_m, fourth = square * square, sixteenth = math::sqr(math::sqr(fourth));
+    return Float(.726) * beta_m + Float(.812) * square + Float(3.7) * (sixteenth * fourth);
+}
+template <class Float> CUTICLE_HD Float azimuthal_scale(const Float &beta_n) {
+    const Float square = beta_n * beta_n, fourth = square * square, sixteenth = math::sqr(math::sqr(fourth));
+    return Float(.62665706865775006) *
+           (Float(.265) * beta_n + Float(1.194) * square + Float(5.372) * (sixteenth * fourth * square));
+}
+template <class Float>
+CUTICLE_HD FarFibre<Float> chiang_fibre(const Float &beta_m, const Float &beta_n, const Float &alpha, const Float &eta) {
+    const Float v = math::sqr(longitudinal_deviation(beta_m));
+    return {eta,
+            azimuthal_scale(beta_n),
+            {Float(Float(-2) * alpha), alpha, Float(Float(4) * alpha), Float(0)},
+            {v, Float(Float(.25) * v), Float(Float(4) * v), Float(Float(4) * v)}};
+}
+
+// Marschner 2003's shifts and deviations of R, TT and TRT in theta_h, with d'Eon's M; beta_n: of the normal D. Radians.
+template <class Float>
+CUTICLE_HD FarFibre<Float> marschner_fibre(const Float *alpha, const Float *beta, const Float &beta_n, const Float &eta) {
+    FarFibre<Float> fibre;
+    fibre.eta = eta;
+    fibre.width = beta_n;
+    for (int p = 0; p < far_lobes; ++p) {
+        fibre.tilt[p] = p < lobe_count ? half_angle_to_theta(alpha[p]) : Float(0);
+        fibre.variance[p] = p < lobe_count ? math::sqr(half_angle_to_theta(beta[p])) : Float(1);
+    }
+    return fibre;
+}
+
+}  // namespace cuticle
+
+#endif  // CUTICLE_SCATTERING_FAR_FIBRE_H

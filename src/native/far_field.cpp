@@ -1,0 +1,104 @@
+// The far field with a fibre's parameters as arguments, over arrays of fibres and directions.
+#include "bindings.h"
+
+#include "arrays.h"
+#include "cuticle/scattering/far_field.h"
+
+namespace native {
+namespace {
+
+using cuticle::lobe_count;
+
+// Rows of parameters and of absorptions: as many as directions, or one for all of them.
+template <class T> struct Fibres {
+    const T *parameters, *sigma_a, *luminance;
+    std::size_t count, step, absorption_step;
+    bool chiang;
+
+    Fibres(bool chiang_, const In<T> &parameters_, const In<T> &sigma_a_, const In<T> &luminance_)
+        : parameters(parameters_.data()),
+          sigma_a(sigma_a_.data()),
+          luminance(luminance_.data()),
+          count(parameters_.shape(1)),
+          step(parameters_.shape(0) == 1 ? 0 : count),
+          absorption_step(sigma_a_.shape(0) == 1 ? 0 : sigma_a_.shape(1)),
+          chiang(chiang_) {}
+
+    cuticle::Azimuthal form() const { return chiang ? cuticle::Azimuthal::logistic : cuticle::Azimuthal::normal; }
+    const T *row(std::size_t i) const { return parameters + i * step; }
+    const T *absorption(std::size_t i) const { return sigma_a + i * absorption_step; }
+    bool same(std::size_t i, std::size_t j) const {
+        return (step == 0 || std::equal(row(i), row(i) + count, row(j))) &&
+               (absorption_step == 0 || std::equal(absorption(i), absorption(i) + absorption_step, absorption(j)));
+    }
+    cuticle::FarFibre<T> fibre(std::size_t i) const {
+        const T *p = row(i);
+        if (chiang) return cuticle::chiang_fibre(p[0], p[1], p[2], p[3]);
+        return cuticle::marschner_fibre(p, p + lobe_count, p[2 * lobe_count], p[2 * lobe_count + 1]);
+    }
+};
+
+// body(i, field) for each of `count`; a field is kept while fibre and viewer stay.
+template <int Channels, class T, class Body>
+void each(const Fibres<T> &fibres, const Broadcast<T> &theta_r, std::size_t count, const Body &body) {
+    parallel_for(count, 256, [&](std::size_t begin, std::size_t end) {
+        cuticle::FarField<T, Channels> field{};
+        for (std::size_t i = begin; i < end; ++i) {
+            if (i == begin || theta_r[i] != theta_r[i - 1] || !fibres.same(i, i - 1))
+                field = cuticle::far_field<Channels>(fibres.form(), fibres.fibre(i), theta_r[i], fibres.absorption(i),
+                                                     fibres.luminance);
+            body(i, field);
+        }
+    });
+}
+
+// f into (n, Channels) and its density into (n).
+template <int Channels, class T>
+void evaluate(const Fibres<T> &fibres, const In<T> &theta_i, const In<T> &theta_r, const In<T> &phi, Out<T> f, Out<T> pdf) {
+    const auto ti = broadcast(theta_i), ph = broadcast(phi);
+    each<Channels>(fibres, broadcast(theta_r), pdf.shape(0), [&](std::size_t i, const auto &field) {
+        pdf.data()[i] = cuticle::far_eval(fibres.form(), field, ti[i], ph[i], f.data() + i * Channels);
+    });
+}
+
+template <int Channels, class T>
+void draw(const Fibres<T> &fibres, const In<T> &theta_r, const In<T> &u, Out<T> theta_i, Out<T> phi, Out<T> f, Out<T> pdf) {
+    each<Channels>(fibres, broadcast(theta_r), pdf.shape(0), [&](std::size_t i, const auto &field) {
+        const T *v = u.data() + 3 * i;
+        const auto s = cuticle::far_sample(fibres.form(), field, v[0], v[1], v[2], f.data() + i * Channels);
+        theta_i.data()[i] = s.theta_i;
+        phi.data()[i] = s.phi;
+        pdf.data()[i] = s.pdf;
+    });
+}
+
+template <class T> void bind(nb::module_ &m) {
+    using release = nb::call_guard<nb::gil_scoped_release>;
+    m.def(
+        "far_eval",
+        [](bool chiang, const In<T> &parameters, const In<T> &sigma_a, const In<T> &luminance, const In<T> &theta_i,
+           const In<T> &theta_r, const In<T> &phi, Out<T> f, Out<T> pdf) {
+            const Fibres<T> fibres(chiang, parameters, sigma_a, luminance);
+            (sigma_a.shape(1) == 1 ? evaluate<1, T> : evaluate<3, T>)(fibres, theta_i, theta_r, phi, f, pdf);
+        },
+        release());
+    m.def(
+        "far_sample",
+        [](bool chiang, const In<T> &parameters, const In<T> &sigma_a, const In<T> &luminance, const In<T> &theta_r,
+           const In<T> &u, Out<T> theta_i, Out<T> phi, Out<T> f, Out<T> pdf) {
+            const Fibres<T> fibres(chiang, parameters, sigma_a, luminance);
+            (sigma_a.shape(1) == 1 ? draw<1, T> : draw<3, T>)(fibres, theta_r, u, theta_i, phi, f, pdf);
+        },
+        release());
+}
+
+}  // namespace
+
+void bind_far_field(nb::module_ &m) {
+    bind<double>(m);
+    bind<float>(m);
+    m.def("longitudinal_deviation", [](double beta_m) { return cuticle::longitudinal_deviation(beta_m); });
+    m.def("azimuthal_scale", [](double beta_n) { return cuticle::azimuthal_scale(beta_n); });
+}
+
+}  // namespace native
