@@ -35,8 +35,6 @@ def lambertian(theta_i: Any, theta_r: Any, phi: Any) -> Any:
 def used(name: str) -> Any:
     """Return a value whose lazy tables and core objects have been made."""
     value = MAKE[name]()
-    if name == "Family":
-        return value
     if hasattr(value, "eval"):
         value.eval(*ANGLES)
     if hasattr(value, "pdf") and callable(value.pdf):
@@ -62,7 +60,7 @@ MAKE: dict[str, Callable[[], Any]] = {
     "DualScattering": lambda: cuticle.DualScattering(FIBRE, 2),
     "Chiang": lambda: cuticle.Chiang(eumelanin=1.3),
     "ChiangNear": lambda: cuticle.Chiang(eumelanin=1.3).near([0.3]),
-    "Family": lambda: cuticle.family("marschner"),
+    "Family": lambda: cuticle.family("marschner").sampler_at(FIBRE),  # which holds it, and is called without a fibre
     "Fibres": lambda: cuticle.family("chiang").fibres(beta_m=[0.2, 0.3], eumelanin=1.3),
     "Strands": lambda: cuticle.Strands(used("Tabulated"), 2),
     "Tabulated": _tabulated,
