@@ -7,8 +7,6 @@
 namespace native {
 namespace {
 
-using cuticle::lobe_count;
-
 // Rows of parameters and of absorptions: as many as directions, or one for all of them.
 template <class T> struct Fibres {
     const T *parameters, *sigma_a, *luminance;
@@ -34,7 +32,7 @@ template <class T> struct Fibres {
     cuticle::FarFibre<T> fibre(std::size_t i) const {
         const T *p = row(i);
         if (chiang) return cuticle::chiang_fibre(p[0], p[1], p[2], p[3]);
-        return cuticle::marschner_fibre(p, p + lobe_count, p[2 * lobe_count], p[2 * lobe_count + 1]);
+        return cuticle::marschner_fibre(p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7]);
     }
 };
 
@@ -97,6 +95,16 @@ template <class T> void bind(nb::module_ &m) {
 void bind_far_field(nb::module_ &m) {
     bind<double>(m);
     bind<float>(m);
+    // Columns: at edges gamma and its sine; at middles sine, cosine and the cell's width in h.
+    m.def("cell_geometry", [](bool dense, Out<double> out) {
+        const auto g = cuticle::cell_geometry<double>(dense);
+        for (int j = 0; j <= cuticle::tt_cells; ++j) {
+            const int cell = std::min(j, cuticle::tt_cells - 1);
+            const double row[] = {g.gamma[j], g.sine[j], g.middle_sine[cell], g.middle_cosine[cell], g.width[cell]};
+            std::copy(std::begin(row), std::end(row), out.data() + 5 * j);
+        }
+    });
+    m.attr("far_cells") = nb::make_tuple(cuticle::r_cells, cuticle::tt_cells, cuticle::tt_in_trt);
     m.def("longitudinal_deviation", [](double beta_m) { return cuticle::longitudinal_deviation(beta_m); });
     m.def("azimuthal_scale", [](double beta_n) { return cuticle::azimuthal_scale(beta_n); });
 }

@@ -105,18 +105,20 @@ def cuda(made: Export, x: np.ndarray, folder: Path, *, flags: tuple[str, ...] = 
     return compiled(made, x, folder, command=command, suffix="cu", precision=precision)
 
 
-def shaded(shader: str, made: Export, x: np.ndarray, folder: Path, driver: Any) -> np.ndarray:
-    """Run a fragment shader in a browser, an input a pixel."""
+def shaded(
+    shader: str, made: Export, x: np.ndarray, folder: Path, driver: Any, asked: str | None = None
+) -> np.ndarray:  # fmt: skip
+    """Run a fragment shader in a browser, an input a pixel; `asked`: an expression of four numbers of a and u."""
     page = (PROGRAM / "replay.html").read_text().replace("/* SHADER */", shader)
     (folder / "replay.html").write_text(page)
     driver.get((folder / "replay.html").as_uri())
     texts = [base64.b64encode(v).decode() for v in (x.astype("<f4").tobytes(), made.data)]
     driver.set_script_timeout(120)
-    asked = asked_of(made, x, "vec4")
-    done = driver.execute_script("return replay(...arguments)", texts[0], x.shape[1], asked, texts[1])
+    wanted = asked or asked_of(made, x, "vec4")
+    done = driver.execute_script("return replay(...arguments)", texts[0], x.shape[1], wanted, texts[1])
     assert done.get("error") is None, str(done)[:2000]
     out = np.frombuffer(base64.b64decode(done["values"]), "<f4").reshape(-1, 4)[: len(x)].astype(float)
-    return out if x.shape[1] == SAMPLER else out[:, : made.model.channels]  # type: ignore[union-attr]
+    return out if asked or x.shape[1] == SAMPLER else out[:, : made.model.channels]  # type: ignore[union-attr]
 
 
 def asked_of(made: Export, x: np.ndarray, four: str) -> str:
@@ -134,22 +136,29 @@ def glsl(made: Export, x: np.ndarray, folder: Path, driver: Any) -> np.ndarray:
 
 
 def hlsl(made: Export, x: np.ndarray, folder: Path, driver: Any) -> np.ndarray:
+    """The same of HLSL."""
+    return shaded_hlsl(made.text, made, x, folder, driver)
+
+
+def shaded_hlsl(
+    shader: str, made: Export, x: np.ndarray, folder: Path, driver: Any, asked: str | None = None
+) -> np.ndarray:  # fmt: skip
     """What a compiler makes of it, written as GLSL, in a browser: no Direct3D is needed."""
     main = f"""
 Texture2D<float4> first, second;
 float4 main(float4 place : SV_Position) : SV_Target {{
     int3 at = int3(int2(place.xy), 0);
     float4 a = first.Load(at), u = second.Load(at);
-    return {asked_of(made, x, "float4")};
+    return {asked or asked_of(made, x, "float4")};
 }}
 """
-    spirv_of(made.text + main, folder)
+    spirv_of(shader + main, folder)
     need("spirv-cross")
     written = subprocess.run(
         ["spirv-cross", "--es", "--version", "300", "main.spv"], cwd=folder, capture_output=True, text=True, check=True
     )
-    shader = re.sub(r"SPIRV_Cross_Combined(\w+?)SPIRV_Cross_DummySampler", r"\1", written.stdout)
-    return shaded(shader, made, x, folder, driver)
+    printed = re.sub(r"SPIRV_Cross_Combined(\w+?)SPIRV_Cross_DummySampler", r"\1", written.stdout)
+    return shaded(printed, made, x, folder, driver, asked or asked_of(made, x, "float4"))
 
 
 def spirv_of(text: str, folder: Path) -> None:

@@ -205,8 +205,7 @@ template <class F, class S, class M> struct Use {
 #endif
 #ifdef USE_scattering_far_fibre
     F fibre() const {
-        const F alpha[] = {x, y, z};
-        return chiang_fibre(x, y, z, x).width + marschner_fibre(alpha, alpha, x, y).tilt[2];
+        return chiang_fibre(x, y, z, x).width + marschner_fibre(x, y, z, x, y, z, x, y).tilt[2];
     }
 #endif
 #ifdef USE_scattering_far_field

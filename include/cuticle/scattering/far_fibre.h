@@ -29,22 +29,36 @@ template <class Float> CUTICLE_HD Float azimuthal_scale(const Float &beta_n) {
 template <class Float>
 CUTICLE_HD FarFibre<Float> chiang_fibre(const Float &beta_m, const Float &beta_n, const Float &alpha, const Float &eta) {
     const Float v = math::sqr(longitudinal_deviation(beta_m));
-    return {eta,
-            azimuthal_scale(beta_n),
-            {Float(Float(-2) * alpha), alpha, Float(Float(4) * alpha), Float(0)},
-            {v, Float(Float(.25) * v), Float(Float(4) * v), Float(Float(4) * v)}};
+    FarFibre<Float> fibre;
+    fibre.eta = eta;
+    fibre.width = azimuthal_scale(beta_n);
+    fibre.tilt[0] = Float(-2) * alpha;
+    fibre.tilt[1] = alpha;
+    fibre.tilt[2] = Float(4) * alpha;
+    fibre.tilt[3] = Float(0);
+    fibre.variance[0] = v;
+    fibre.variance[1] = Float(.25) * v;
+    fibre.variance[2] = Float(4) * v;
+    fibre.variance[3] = Float(4) * v;
+    return fibre;
 }
 
 // Marschner 2003's shifts and deviations of R, TT and TRT in theta_h, with d'Eon's M; beta_n: of the normal D. Radians.
 template <class Float>
-CUTICLE_HD FarFibre<Float> marschner_fibre(const Float *alpha, const Float *beta, const Float &beta_n, const Float &eta) {
+CUTICLE_HD FarFibre<Float> marschner_fibre(const Float &alpha_r, const Float &alpha_tt, const Float &alpha_trt,
+                                           const Float &beta_r, const Float &beta_tt, const Float &beta_trt,
+                                           const Float &beta_n, const Float &eta) {
     FarFibre<Float> fibre;
     fibre.eta = eta;
     fibre.width = beta_n;
-    for (int p = 0; p < far_lobes; ++p) {
-        fibre.tilt[p] = p < lobe_count ? half_angle_to_theta(alpha[p]) : Float(0);
-        fibre.variance[p] = p < lobe_count ? math::sqr(half_angle_to_theta(beta[p])) : Float(1);
-    }
+    fibre.tilt[0] = half_angle_to_theta(alpha_r);
+    fibre.tilt[1] = half_angle_to_theta(alpha_tt);
+    fibre.tilt[2] = half_angle_to_theta(alpha_trt);
+    fibre.tilt[3] = Float(0);
+    fibre.variance[0] = math::sqr(half_angle_to_theta(beta_r));
+    fibre.variance[1] = math::sqr(half_angle_to_theta(beta_tt));
+    fibre.variance[2] = math::sqr(half_angle_to_theta(beta_trt));
+    fibre.variance[3] = Float(1);  // the orders past TRT are in TRT
     return fibre;
 }
 

@@ -61,7 +61,7 @@ CUTICLE_INLINE Float attenuation(int p, const CrossSection<Float> &ray, const Fl
 
 // Azimuth phi_p(h) = 2 p gamma_t - 2 gamma_i + p pi at which lobe p leaves (unwrapped).
 template <class Float> CUTICLE_INLINE Float exit_azimuth(int p, const CrossSection<Float> &ray) {
-    return Float(2 * p) * ray.gamma_t - Float(2) * ray.gamma_i + Float(p * pi<double>);
+    return Float(2 * p) * ray.gamma_t - Float(2) * ray.gamma_i + Float(p) * Float(pi<double>);
 }
 
 }  // namespace cuticle

@@ -10,6 +10,7 @@ import numpy as np
 
 from cuticle._support import validate
 from cuticle._support.version import __version__
+from cuticle.export.family import check_family, write_family
 from cuticle.export.frames import DEFAULT_FRAME, FRAMES, Frame, frame
 from cuticle.export.headers import amalgamate
 from cuticle.export.registry import HOSTS, Export, Job, host
@@ -21,7 +22,7 @@ from cuticle.scattering.by_name import model_of
 from cuticle.scattering.dual_scattering import DualScattering
 from cuticle.scattering.host_tables import reduce_tables
 
-__all__ = ["FRAMES", "HOSTS", "Export", "amalgamate", "export"]
+__all__ = ["FRAMES", "HOSTS", "Export", "amalgamate", "export", "export_family"]
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 MAX_TABLE = 16 * 1024  # bytes: what every OpenGL ES 3.0 device takes as a block
@@ -97,6 +98,30 @@ def export(
         return describe(sampler, known)
 
     return target.write(Job(sampler, name, host_frame, about, tables, known, report))
+
+
+def export_family(form: str, to: str, *, frame: str = DEFAULT_FRAME, name: str = "fibre") -> Export:
+    """Return the far field of any fibre of a model as a source file of its own: f, its density and exact samples.
+
+    The fibre's parameters are arguments there, as in `cuticle.family`; no fit and no texture is needed.
+
+    Parameters
+    ----------
+    form
+        "chiang" or "marschner", see `cuticle.family`.
+    to
+        "cpp", "cuda", "glsl" or "hlsl"; of linear RGB.
+    frame, name
+        As in `export`.
+
+    Raises
+    ------
+    ValueError
+        An unknown family, host or frame; a name that is no identifier.
+    """
+    check_family(form, to)
+    check_frame(frame)
+    return write_family(form, to, frame, check_name(name, to))
 
 
 def check_name(name: str, to: str) -> str:

@@ -31,7 +31,7 @@ class Parameter:
 
 _DEGREES = "degrees"
 _ETA = Parameter(1.05, 3.0, 1.55)
-_FORMS: dict[str, dict[str, Parameter]] = {
+FORMS: dict[str, dict[str, Parameter]] = {
     "chiang": {
         "beta_m": Parameter(0.05, 1, 0.3), "beta_n": Parameter(0.05, 1, 0.3), "alpha": Parameter(-20, 20, 2.0, _DEGREES),
         "eta": _ETA,
@@ -106,7 +106,7 @@ class Family(Value):
     """
 
     def __init__(self, form: str = "chiang") -> None:
-        self.form = validate.choice("family", form, _FORMS)
+        self.form = validate.choice("family", form, FORMS)
 
     def __repr__(self) -> str:
         return f"Family({self.form!r}: {', '.join(self.parameters)}, and {' or '.join(_ABSORPTION)})"
@@ -114,7 +114,7 @@ class Family(Value):
     @property
     def parameters(self) -> Mapping[str, Parameter]:
         """Each parameter's range and default, beside the absorption."""
-        return _FORMS[self.form]
+        return FORMS[self.form]
 
     def fibres(self, **values: ArrayLike | None) -> Fibres:
         """Return fibres from numbers and arrays, which broadcast.

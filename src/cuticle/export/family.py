@@ -1,0 +1,79 @@
+"""A family as a file for another host: the far field of any fibre, parameters as arguments."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cuticle import _core
+from cuticle._support import validate
+from cuticle._support.version import __version__
+from cuticle.export.formulas import Printer, Vector, print_formulas
+from cuticle.export.frames import FRAMES, Frame
+from cuticle.export.headers import amalgamate
+from cuticle.export.hosts.glsl import DIALECT as GLSL
+from cuticle.export.hosts.hlsl import DIALECT as HLSL
+from cuticle.export.registry import Export
+from cuticle.export.shader import Dialect
+from cuticle.export.source import environment
+from cuticle.scattering.any_fibre import FORMS
+from cuticle.scattering.bcsdf import REC709
+
+FAMILY_HOSTS = ("cpp", "cuda", "glsl", "hlsl")
+_DIALECTS = {"glsl": GLSL, "hlsl": HLSL}
+_ABOUT = {
+    "chiang": "Chiang et al. 2016, far field: beta_m and beta_n from 0.05 to 1, alpha in radians, positive toward the root.",
+    "marschner": "Marschner 2003 with d'Eon's energy-conserving M: alpha and beta of R, TT and TRT in theta_h, beta_n, radians.",
+}
+
+
+def write_family(form: str, to: str, frame: str, name: str) -> Export:
+    """Return a family for a host; the arguments are checked."""
+    host_frame = FRAMES[frame]
+    if to in _DIALECTS:
+        return _shader(form, _DIALECTS[to], host_frame, name)
+    text = environment().get_template("family.h.j2").render(
+        name=name, guard=f"{name.upper()}_CUTICLE_H", frame=host_frame, cuda=to == "cuda", chiang=form == "chiang",
+        about=_about(form), core=amalgamate(["scattering/far_field.h"]), version=__version__.split("."),
+    )  # fmt: skip
+    return Export(text, 0)
+
+
+def check_family(form: str, to: str) -> None:
+    """Raise ValueError for a family or a host that there is not."""
+    validate.choice("--family", form, FORMS)
+    validate.choice("--to", to, FAMILY_HOSTS)
+
+
+def _about(form: str) -> list[str]:
+    return [f"Made by Cuticle {__version__}: the far field of any fibre. {_ABOUT[form]}"]
+
+
+def _shader(form: str, dialect: Dialect, frame: Frame, name: str) -> Export:
+    r, tt, each = _core.far_cells
+    trt, chiang = tt // each, form == "chiang"
+    printer: Printer = dialect.printer(name)
+    jinja = environment()
+    formulas = jinja.get_template("family.formulas.j2").render(
+        chiang=chiang, closed=str(not chiang).lower(), r=r, tt=tt, trt=trt, each=each, cells=r + tt + trt,
+        edges=r + tt + trt + 3, parts=((0, 0, r), (1, r, tt), (2, r + tt, trt)), digits=2048.0, luminance=REC709,
+        width=2 * math.sin(math.pi / 4 / tt), frame=frame, back=["xyz"[frame.axes.index(a)] for a in "xyz"],
+    )  # fmt: skip
+    cells = _cells(r, tt)
+    text = jinja.get_template("family_shader.j2").render(
+        heading=[*_about(form), "", dialect.about], n=name, N=name.upper(), dialect=dialect, p=printer, cells=cells,
+        chiang=chiang, frame=frame, float3=printer.type(Vector("float", 3)), float4=printer.type(Vector("float", 4)),
+        functions=print_formulas(formulas, printer, externals={"cell": Vector("float", 4)}),
+    )  # fmt: skip
+    return Export(text, cells.nbytes)
+
+
+def _cells(r: int, tt: int) -> NDArray[np.float32]:
+    """Cells of R: gamma at their edges, cosine at their middles, width; of TT: gamma, sine at edges, sine, cosine at middles."""
+    dense, even = np.empty((r + 1, 5)), np.empty((tt + 1, 5))
+    _core.cell_geometry(True, dense)
+    _core.cell_geometry(False, even)
+    rows = [dense[:, [0, 3, 4, 4]] * [1, 1, 1, 0], even[:, [0, 1, 2, 3]]]
+    return np.concatenate(rows).astype(np.float32)

@@ -1,0 +1,184 @@
+"""Families in every host: f, its density and samples of random fibres, against the core in double precision."""
+
+from __future__ import annotations
+
+import subprocess
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import cuticle
+from conformance import hosts
+from cuticle.export import export_family
+from cuticle.export.literals import singles
+from cuticle.export.registry import Export
+from cuticle.scattering.any_fibre import Fibres
+
+FIBRES = 16
+# A density's relative error in single precision: exponents of 2/v times half an angle squared, with v of .05 or more.
+SINGLE = dict(rtol=5e-3, atol=2e-5)
+
+
+@cache
+def fibres(form: str) -> Fibres:
+    """Fibres all over the box, in numbers that single precision holds."""
+    rng = np.random.default_rng(11)
+    family = cuticle.family(form)
+    values: dict[str, Any] = {
+        name: rng.uniform(max(p.low, 3.0 if p.unit and name[0] == "b" else 0.1), min(p.high, 15.0), FIBRES)
+        if name != "eta" else rng.uniform(1.3, 1.8, FIBRES)
+        for name, p in family.parameters.items()
+    }  # fmt: skip
+    made = family.fibres(**values, sigma_a=10 ** rng.uniform(-2, 1.3, (FIBRES, 3)))
+    return Fibres(form, *(x.astype(np.float32).astype(float) for x in (made.parameters, made.sigma_a)))
+
+
+@cache
+def cases() -> np.ndarray:
+    """(theta_i, theta_r, phi, fibre, u, u, u, 0); whole turns and both ends of the random numbers among them."""
+    rng = np.random.default_rng(12)
+    x = rng.random((4000, 8))
+    x[:, :2] = (x[:, :2] - 0.5) * np.radians(178)
+    x[:, 2] = (x[:, 2] - 0.5) * 4 * np.pi
+    x[:, 3] = rng.integers(0, FIBRES, len(x))
+    x[:40, 2] = np.tile([-np.pi, 0, np.pi - 1e-6, 2 * np.pi], 10)
+    x[40:80, 4:7] = rng.choice([0, 1 - 2.0**-24], (40, 3))
+    return x.astype(np.float32).astype(float)
+
+
+@cache
+def own_fibres(form: str) -> Fibres:
+    k = cases()[:, 3].astype(int)
+    return Fibres(form, fibres(form).parameters[k], fibres(form).sigma_a[k])
+
+
+@cache
+def expected(form: str, dtype: Any) -> tuple[np.ndarray, np.ndarray]:
+    """(f, density) of the directions in double precision, and (theta_i, phi, pdf) of the samples.
+
+    Those in a host's own precision: the lower half of a random number's digits turns a direction about its axis.
+    """
+    x, own = cases(), own_fibres(form)
+    family = cuticle.family(form)
+    f, p = family.eval_pdf(*np.ascontiguousarray(x[:, :3].T), own)
+    return np.concatenate([f, p[:, None]], axis=1), np.stack(
+        family.sample(x[:, 1].astype(dtype), x[:, 4:7].astype(dtype), own), axis=1
+    )
+
+
+def compiled(made: Export, form: str, folder: Path, command: list[str], precision: str) -> np.ndarray:
+    (folder / "fibre.h").write_text(made.text)
+    rows = []
+    for p, s in zip(fibres(form).parameters, fibres(form).sigma_a, strict=True):
+        numbers = singles(p)
+        groups = (
+            numbers if form == "chiang" else ["{" + ", ".join(g) + "}" for g in (numbers[:3], numbers[3:6])] + numbers[6:]
+        )
+        rows.append(f"{{{', '.join(groups)}, {{{', '.join(singles(s))}}}}}")
+    (folder / "fibres.h").write_text(
+        f"inline fibre::Fibre<REAL> fibre_of(int k) {{\n static const fibre::Fibre<REAL> all[] = {{{', '.join(rows)}}};\n"
+        " return all[k];\n}\n"
+    )
+    program = hosts.PROGRAM / "replay_family.cpp"
+    done = subprocess.run(
+        [*command, f"-DREAL={precision}", "-I.", str(program), "-o", "replay"],
+        cwd=folder, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    cases().astype("<f4").tofile(folder / "inputs")
+    subprocess.run(["./replay", "inputs", "outputs"], cwd=folder, check=True, timeout=120)
+    return np.fromfile(folder / "outputs", "<f8").reshape(len(cases()), -1)
+
+
+def cpp(form: str, folder: Path, precision: str = "float", made: Export | None = None) -> np.ndarray:
+    hosts.need("g++")
+    command = ["g++", "-std=c++17", "-O1", *hosts.WARNINGS]
+    return compiled(made or export_family(form, "cpp"), form, folder, command, precision)
+
+
+def shaded(form: str, to: str, folder: Path, browser: Any, made: Export | None = None) -> np.ndarray:
+    """Both of a shader's functions, each an answer of four numbers."""
+    made = made or export_family(form, to)
+    three, four = ("vec3", "vec4") if to == "glsl" else ("float3", "float4")
+    kinds = ["float"] * 4 if form == "chiang" else [three, three, "float", "float"]
+    kinds.append(three)
+    choices = []
+    for k, (p, s) in enumerate(zip(fibres(form).parameters, fibres(form).sigma_a, strict=True)):
+        numbers = singles(p, "")
+        groups = numbers
+        if form == "marschner":
+            groups = [f"{three}({', '.join(g)})" for g in (numbers[:3], numbers[3:6])] + numbers[6:]
+        groups = [*groups, f"{three}({', '.join(singles(s, ''))})"]
+        choices.append(f"if (k == {k}) {{ {' '.join(f'p{i} = {g};' for i, g in enumerate(groups))} }}")
+    text = f"{made.text}\nFIBRE_Field field_of(int k, float theta_r) {{\n"
+    text += "\n".join(
+        [*(f"{kind} p{i} = {kind}(0.0{', 0.0, 0.0' * (kind == three)});" for i, kind in enumerate(kinds)), *choices]
+    )
+    text += "\nreturn fibre_prepare_fibre(theta_r, p0, p1, p2, p3, p4);\n}\n"
+    text += f"{four} drawn(FIBRE_Drawn d) {{ return {four}(d.theta_i, d.phi, d.pdf, 0.0); }}\n"
+    field = "field_of(int(a.w + 0.5), a.y)"
+    answers = [f"fibre_prepared_eval({field}, a.x, a.z)", f"drawn(fibre_prepared_sample({field}, u.xyz))"]
+    run = hosts.shaded if to == "glsl" else hosts.shaded_hlsl
+    got = [run(text, Export(text, 0), cases(), folder, browser, asked=answer) for answer in answers]
+    return np.concatenate([got[0], got[1][:, :3]], axis=1)
+
+
+def compare(form: str, got: np.ndarray, rtol: float, atol: float, dtype: Any = np.float32) -> None:
+    values, drawn = expected(form, dtype)
+    size = np.concatenate([np.tile(1 / np.cos(cases()[:, :1]), 3), np.ones((len(values), 1))], axis=1)  # f grows as 1/cos
+    size *= (values / size).max(0)
+    np.testing.assert_allclose(got[:, :4] / size, values / size, rtol=rtol, atol=atol)
+    # Where a number falls on a border between lobes or cells, a host may take the other: of 4,000, a handful.
+    wrapped = np.angle(np.exp(1j * (got[:, 5] - drawn[:, 1])))
+    assert np.mean(np.abs(wrapped) < 5e-3) > 0.995
+    # The lower digits of a number are off by 2048 times its rounding, over the chance of its lobe.
+    assert np.mean(np.abs(got[:, 4] - drawn[:, 0]) < 2e-2) > 0.99
+    _, p = cuticle.family(form).eval_pdf(got[:, 4], cases()[:, 1], got[:, 5], own_fibres(form))
+    np.testing.assert_allclose(got[:, 6], p, rtol=rtol, atol=atol * values[:, 3].max())
+
+
+@pytest.mark.parametrize("form", ["chiang", "marschner"])
+def test_a_family_in_cpp(form: str, tmp_path: Path) -> None:
+    compare(form, cpp(form, tmp_path), **SINGLE)
+
+
+@pytest.mark.parametrize("form", ["chiang", "marschner"])
+def test_a_family_in_double_precision(form: str, tmp_path: Path) -> None:
+    got = cpp(form, tmp_path, "double")
+    compare(form, got, 1e-6, 1e-9, np.float64)
+    weight = got[:, 7:] @ [0.2126, 0.7152, 0.0722] * np.cos(got[:, 4]) / got[:, 6]
+    assert np.all((weight > 0) & (weight <= 1 + 1e-6))  # the albedo
+
+
+@pytest.mark.parametrize("form", ["chiang", "marschner"])
+@pytest.mark.parametrize("to", ["glsl", "hlsl"])
+def test_a_family_in_a_shader(form: str, to: str, browser: Any, tmp_path: Path) -> None:
+    compare(form, shaded(form, to, tmp_path, browser), **SINGLE)
+
+
+@pytest.mark.parametrize("form", ["chiang", "marschner"])
+def test_a_family_in_cuda(form: str, tmp_path: Path) -> None:
+    compiler = hosts.nvcc()
+    if compiler is None:
+        pytest.skip("no nvcc")
+    command = [*hosts.nvcc_command(compiler), "-x", "cu", "-Xcudafe", "--diag_suppress=177"]
+    if not hosts.has_gpu():
+        pytest.skip("no GPU")
+    compare(form, compiled(export_family(form, "cuda"), form, tmp_path, command, "float"), **SINGLE)
+
+
+def test_a_wrong_number_is_caught(browser: Any, tmp_path: Path) -> None:
+    """An entry of the cells in GLSL, a coefficient of asin in C++."""
+    glsl, header = export_family("chiang", "glsl"), export_family("chiang", "cpp")
+    cell = f"{np.float32(np.pi / 2 * 12 / 24)}"[:6]
+    assert glsl.text.count(cell) >= 1
+    wrong = Export(glsl.text.replace(cell, "0.7754", 1), 0)
+    with pytest.raises(AssertionError):
+        compare("chiang", shaded("chiang", "glsl", tmp_path, browser, wrong), **SINGLE)
+    assert "-.0501743046f" in header.text
+    wrong = Export(header.text.replace("-.0501743046f", "-.0601743046f"), 0)
+    with pytest.raises(AssertionError):
+        compare("chiang", cpp("chiang", tmp_path, made=wrong), **SINGLE)
