@@ -14,7 +14,7 @@ import pytest
 
 import cuticle
 from command import refused, run
-from cuticle.export import FRAMES, MAX_TABLE, export
+from cuticle.export import FRAMES, MAX_TABLE, export, export_family
 from cuticle.export.headers import amalgamate, cmake_dir, include_dir
 from cuticle.export.literals import single, wrapped
 from cuticle.export.registry import Job, host
@@ -261,8 +261,12 @@ def test_the_command_writes_what_it_says(folder: Path) -> None:
         (["nowhere.json", "--to", "cpp", "-o", "x.h"], "cannot read sampler nowhere.json"),
         (["newer.json", "--to", "cpp", "-o", "x.h"], "newer than 1; upgrade cuticle"),
         (["short.json", "--to", "cpp", "-o", "x.h"], "it ends early"),
-        (["sampler.json", "--amalgamate", "-o", "x.h"], "--amalgamate without a sampler"),
-        (["-o", "x.h"], "give a sampler with --to HOST"),
+        (["sampler.json", "--amalgamate", "-o", "x.h"], "give one of a sampler with --to HOST"),
+        (["-o", "x.h"], "give one of a sampler with --to HOST"),
+        (["--family", "chiang", "--amalgamate", "-o", "x.h"], "give one of a sampler with --to HOST"),
+        (["--family", "kajiya", "--to", "cpp", "-o", "x.h"], "family must be one of chiang, marschner; got 'kajiya'"),
+        (["--family", "chiang", "--to", "web", "-o", "x.h"], "to must be one of cpp, cuda, glsl, hlsl; got 'web'"),
+        (["--family", "chiang", "--to", "cpp", "--with-model", "-o", "x.h"], "--with-model does nothing with --family"),
         (["sampler.json", "--to", "json", "--with-model", "-o", "x.json"], "leave --with-model out"),
     ],
 )  # fmt: skip
@@ -271,6 +275,13 @@ def test_one_line_and_no_file_for_what_is_wrong(arguments: list[str], words: str
     (folder / "newer.json").write_text(text.replace('"version": 1', '"version": 2'))
     (folder / "short.json").write_text(text[: len(text) // 2])
     refused("export", *arguments, words=words, cwd=folder)
+
+
+def test_a_family_is_written_by_the_command(folder: Path) -> None:
+    run("export", "--family", "marschner", "--to", "glsl", "--frame", "mitsuba", "-o", "any.glsl", cwd=folder)
+    written = (folder / "any.glsl").read_text()
+    assert written == export_family("marschner", "glsl", frame="mitsuba", name="any").text
+    assert "the strand along y" in written
 
 
 # The headers where pip and CMake put them.

@@ -12,11 +12,13 @@ import typer
 from cuticle._support import validate
 from cuticle._support.files import check_file, make_directory, read_text, write_bytes
 from cuticle.cli.terminal import STANDARD_OUTPUT, check_output, err, out, progress_bar, refuse_idle, write_output
-from cuticle.export import HOSTS, MAX_TABLE, amalgamate, check_frame, check_name, export
+from cuticle.export import HOSTS, MAX_TABLE, amalgamate, check_frame, check_name, export, export_family
+from cuticle.export.family import check_family
 from cuticle.export.frames import DEFAULT_FRAME, FRAMES
 from cuticle.export.hosts.web import LOBES
 from cuticle.export.registry import host
 from cuticle.sampling.sampler import Sampler
+from cuticle.scattering.any_fibre import FORMS
 from cuticle.scattering.by_name import model_of
 
 
@@ -45,23 +47,40 @@ def command(
             "--model", metavar="PRESET|FILE", help="The scattering function to include. Default: the sampler's own."
         ),
     ] = None,
+    family: Annotated[
+        str | None,
+        typer.Option(
+            "--family", metavar="FAMILY", help=f"Write the far field of any fibre instead of a sampler: {' | '.join(FORMS)}."
+        ),
+    ] = None,
     amalgamated: Annotated[
         bool, typer.Option("--amalgamate", help="Write the core's headers as one file, without a sampler.")
     ] = False,
 ) -> None:
-    """Write a sampler as one file for C++, CUDA, GLSL or HLSL, as JSON, or as an interactive web page."""
-    if amalgamated == (sampler is not None):
-        raise ValueError("give a sampler with --to HOST, or --amalgamate without a sampler")
+    """Write a sampler, or a family, as one file for C++, CUDA, GLSL or HLSL; a sampler also as JSON or as a web page."""
+    if (sampler is not None) + amalgamated + (family is not None) != 1:
+        raise ValueError("give one of a sampler with --to HOST, --family FAMILY with --to HOST, and --amalgamate")
     if amalgamated:
         refuse_idle(ctx, "with --amalgamate, which writes the headers alone", "to", "frame", "name", "with_model", "model")
+    if family is not None:
+        refuse_idle(ctx, "with --family, which is f and its sampler", "with_model", "model")
+        check_family(family, to)
     if to == "pbrt" and output.suffix != ".h":  # the folder, such as src/pbrt
         output = make_directory(output) / f"{name or 'fibre'}.h"
     check_output(output)
     tell = err if output == STANDARD_OUTPUT else out
-    if amalgamated or sampler is None:
+    if amalgamated:
         write_output(output, amalgamate())
         tell.print(f"wrote {output}: include it, no other file is needed", soft_wrap=True)
         return
+    if family is not None and to is not None:
+        check_frame(frame or DEFAULT_FRAME)
+        name = check_name(name, to) if name is not None else _name_of(output, to)
+        made = export_family(family, to, frame=frame or DEFAULT_FRAME, name=name)
+        write_output(output, made.text)
+        tell.print(f"wrote {output}: {len(made.text):,} characters, for any fibre", soft_wrap=True)
+        return
+    assert sampler is not None
     if to is None:
         raise ValueError(f"--to must say for which host: {', '.join(HOSTS)}")
     validate.choice("--to", to, HOSTS)

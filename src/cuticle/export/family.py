@@ -41,10 +41,10 @@ def write_family(form: str, to: str, frame: str, name: str) -> Export:
     return Export(text, 0)
 
 
-def check_family(form: str, to: str) -> None:
+def check_family(form: str, to: str | None) -> None:
     """Raise ValueError for a family or a host that there is not."""
-    validate.choice("--family", form, FORMS)
-    validate.choice("--to", to, FAMILY_HOSTS)
+    validate.choice("family", form, FORMS)
+    validate.choice("to", to, FAMILY_HOSTS)
 
 
 def _about(form: str) -> list[str]:

@@ -1,0 +1,125 @@
+"""The far field of any fibre: how well it samples random fibres, how far f is off, and what it costs.
+
+Fibres are drawn from the whole box that renderers allow (beta_m, beta_n .05 to 1; beta_R, beta_N 2 to 40°; alpha ±15°;
+eta 1.3 to 1.8; sigma_a .01 to 20 in each channel, evenly in its log), viewers from |theta_r| <= 85°. ESS is of luminance,
+against the function from fine tables; f is off by a share of its peak, channel by channel. Costs are medians of
+interleaved rounds on one thread in single precision (g++ -O3 -march=native), in calibration kernels (16 expf).
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+
+import cuticle
+from cuticle._support.quadrature import gauss_legendre
+from cuticle.cli.tables import table
+from cuticle.scattering.bcsdf import luminance_weights
+
+ROOT = Path(__file__).parents[1]
+GAMMA, WEIGHT = gauss_legendre(np.array([-np.pi / 2, np.pi / 2]), 64)
+out = Console() if sys.stdout.isatty() else Console(width=118)
+
+
+def random_fibre(form: str, rng: np.random.Generator) -> tuple[Any, Any]:
+    """A fibre, and its function from tables."""
+    common = dict(eta=rng.uniform(1.3, 1.8), sigma_a=tuple(10 ** rng.uniform(-2, np.log10(20), 3)))
+    alpha = rng.uniform(-15, 15)
+    if form == "chiang":
+        model = cuticle.Chiang(beta_m=rng.uniform(0.05, 1), beta_n=rng.uniform(0.05, 1), alpha=alpha, **common)
+        return model, model
+    fibre = cuticle.Fibre(alpha_R=alpha, beta_R=rng.uniform(2, 40), beta_N=rng.uniform(2, 40), **common)
+    return fibre, cuticle.Marschner(fibre, "energy_conserving")
+
+
+def drawn_offset(fibre: Any, theta_r: float) -> float:
+    """ESS where h is drawn evenly, then the near field exactly: a sample weighs the albedo at its h."""
+    near = fibre.near(np.sin(GAMMA))
+    theta_i, phi, p = near.sample(theta_r, np.full((len(GAMMA), 3), 0.5))
+    weight = near.eval(theta_i, theta_r, phi) @ luminance_weights(3) * np.cos(theta_i) / p
+    share = WEIGHT * np.cos(GAMMA) / 2
+    return float((share @ weight) ** 2 / (share @ weight**2))
+
+
+def quality(form: str, fibres: int, fits: int) -> None:
+    """Print the tables of ESS and of errors."""
+    rng, family = np.random.default_rng(1), cuticle.family(form)
+    found: dict[str, list[float]] = {name: [] for name in ("any fibre", "4 lobes, fitted", "h drawn at random", "uniform")}
+    peaks, energies, weights = [], [], []
+    theta, phi = np.linspace(-1.56, 1.56, 241)[:, None], np.linspace(0, np.pi, 241)
+    for k in track(range(fibres), form, console=Console(stderr=True), disable=not sys.stderr.isatty()):
+        fibre, model = random_fibre(form, rng)
+        theta_r = rng.uniform(-1, 1) * np.radians(85)
+        ours = family.sampler_at(fibre)
+        q = cuticle.measure(ours, model, theta_r)
+        found["any fibre"].append(q.ess)
+        weights.append(q.largest_weight)
+        if form == "chiang":
+            found["h drawn at random"].append(drawn_offset(fibre, theta_r))
+        if k < fits:
+            found["4 lobes, fitted"].append(cuticle.measure(cuticle.fit(model, 4).sampler, model, theta_r).ess)
+        a, b = (m.eval(theta, theta_r, phi) * np.cos(theta)[..., None] for m in (ours, model))
+        luminous, area = b @ luminance_weights(3), np.cos(theta)
+        even = (luminous * area).sum() ** 2 / ((luminous**2 * area).sum() * area.sum() * len(phi))
+        found["uniform"].append(float(even))
+        peaks.append(float((np.abs(a - b).max((0, 1)) / b.max((0, 1))).max()))
+        energies.append(float(np.abs(a.sum((0, 1)) / b.sum((0, 1)) - 1).max()))
+    listing = table(f"{form}: ESS of {fibres} random fibres")
+    for column in ("sampler", "fibres", "mean", "1st percentile", "worst"):
+        listing.add_column(column, justify="left" if column == "sampler" else "right")
+    for name, ess in found.items():
+        if ess:
+            listing.add_row(name, str(len(ess)), *(f"{x:.4f}" for x in (np.mean(ess), np.quantile(ess, 0.01), min(ess))))
+    out.print(listing)
+    out.print(
+        f"f off by {100 * np.mean(peaks):.2f} % of its peak on average, {100 * np.quantile(peaks, 0.99):.2f} % in 99 of"
+        f" 100, {100 * max(peaks):.2f} % at worst; energy by {100 * max(energies):.3f} % at most; largest weight"
+        f" {max(weights):.2f}"
+    )
+
+
+def costs() -> None:
+    """Print the table of costs."""
+    compiler = os.environ.get("CXX") or shutil.which("g++") or shutil.which("c++")
+    if compiler is None:
+        sys.exit("this needs a C++ compiler; set CXX")
+    with tempfile.TemporaryDirectory() as folder:
+        program = Path(folder) / "any_fibre"
+        flags = ["-std=c++17", "-O3", "-march=native", "-fno-math-errno", f"-I{ROOT / 'include'}"]
+        subprocess.run([compiler, *flags, str(ROOT / "benchmarks/any_fibre.cpp"), "-o", str(program)], check=True)
+        lines = subprocess.run([program], capture_output=True, text=True, check=True).stdout.splitlines()
+    times = {name: float(value) for name, value in (line.split("\t") for line in lines)}
+    unit = times["calibration"]
+    listing = table(f"cost in calibration kernels ({unit:.1f} ns here), another fibre for each direction")
+    for column in ("", "prepare", "prepare, sample, f and pdf", "f and pdf, prepared"):
+        listing.add_column(column, justify="left" if not column else "right")
+    for name in ("lanes chiang", "lanes marschner", "one chiang", "one marschner"):
+        listing.add_row(name, *(f"{times[f'{name} {what}'] / unit:.2f}" for what in ("prepare", "sample", "eval")))
+    near = (f"{times['near sample'] / unit:.2f}", f"{times['near eval'] / unit:.2f} with preparing")
+    listing.add_row("one near field, h given", "", *near)
+    out.print(listing)
+
+
+def main() -> None:
+    """Print all of it."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--fibres", type=int, default=100, help="random fibres of each family")
+    parser.add_argument("--fits", type=int, default=10, help="of them, how many are fitted, too")
+    arguments = parser.parse_args()
+    for form in ("chiang", "marschner"):
+        quality(form, arguments.fibres, arguments.fits)
+    costs()
+
+
+if __name__ == "__main__":
+    main()
