@@ -22,6 +22,7 @@ from rich.console import Console
 from rich.progress import track
 
 import cuticle
+from cuticle._support.files import write_bytes
 from cuticle._support.quadrature import gauss_legendre
 from cuticle.cli.tables import table
 from cuticle.scattering.bcsdf import luminance_weights
@@ -51,8 +52,8 @@ def drawn_offset(fibre: Any, theta_r: float) -> float:
     return float((share @ weight) ** 2 / (share @ weight**2))
 
 
-def quality(form: str, fibres: int, fits: int) -> None:
-    """Print the tables of ESS and of errors."""
+def quality(form: str, fibres: int, fits: int) -> dict[str, list[float]]:
+    """Print the tables of ESS and of errors; return the ESS of each sampler."""
     rng, family = np.random.default_rng(1), cuticle.family(form)
     found: dict[str, list[float]] = {name: [] for name in ("any fibre", "4 lobes, fitted", "h drawn at random", "uniform")}
     peaks, energies, weights = [], [], []
@@ -86,6 +87,26 @@ def quality(form: str, fibres: int, fits: int) -> None:
         f" 100, {100 * max(peaks):.2f} % at worst; energy by {100 * max(energies):.3f} % at most; largest weight"
         f" {max(weights):.2f}"
     )
+    return found
+
+
+def picture(found: dict[str, list[float]], path: Path) -> None:
+    """Draw the ESS of all fibres, each sampler's from its worst to its best."""
+    from matplotlib.figure import Figure  # takes a second to import
+
+    from cuticle._support.plots import figure_bytes
+
+    figure = Figure((7.5, 3.4), layout="constrained")
+    axes = figure.subplots()
+    for (name, ess), colour in zip(found.items(), ("#b3471d", "#2f6690", "#6c757d", "#c9ada7"), strict=True):
+        share = (np.arange(len(ess)) + 0.5) / len(ess) * 100
+        axes.plot(share, np.sort(ess), color=colour, linewidth=2.2 if name == "any fibre" else 1.6)
+        axes.annotate(
+            name, (share[len(ess) // 3], np.sort(ess)[len(ess) // 3]), (4, -13), textcoords="offset points", color=colour
+        )
+    axes.set(xlim=(0, 100), ylim=(0, 1.03), xlabel="random fibres, % (worst first)", ylabel="ESS of luminance")
+    axes.spines[["top", "right"]].set_visible(False)
+    write_bytes(path, figure_bytes(figure))
 
 
 def costs() -> None:
@@ -115,9 +136,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--fibres", type=int, default=100, help="random fibres of each family")
     parser.add_argument("--fits", type=int, default=10, help="of them, how many are fitted, too")
+    parser.add_argument("--picture", type=Path, help="draw the ESS of Chiang's fibres there")
     arguments = parser.parse_args()
-    for form in ("chiang", "marschner"):
-        quality(form, arguments.fibres, arguments.fits)
+    found = {form: quality(form, arguments.fibres, arguments.fits) for form in ("chiang", "marschner")}
+    if arguments.picture:
+        picture(found["chiang"], arguments.picture)
     costs()
 
 

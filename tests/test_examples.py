@@ -13,7 +13,7 @@ import pytest
 
 import cuticle
 from conformance.hosts import nvcc, spirv_of
-from cuticle.export import export
+from cuticle.export import export, export_family
 from cuticle.export.headers import cmake_dir
 from cuticle.export.registry import Export
 
@@ -98,7 +98,7 @@ def expected(brown: cuticle.Sampler, w_r: np.ndarray, u: tuple[float, float, flo
 
 PBRT_HEADERS = (
     "pbrt.h", "base/bxdf.h", "base/material.h", "base/texture.h", "util/colorspace.h", "util/memory.h", "util/spectrum.h",
-    "util/vecmath.h",
+    "util/vecmath.h", "paramdict.h",
 )  # fmt: skip
 # pbrt's own files, as they are once the printed lines are in them.
 PBRT_FILES = {
@@ -174,6 +174,74 @@ def test_pbrt(brown: cuticle.Sampler, gpu: bool, tmp_path: Path) -> None:
     np.testing.assert_allclose(got[3:5], p, rtol=1e-4)
     np.testing.assert_allclose(got[5::2], f, rtol=0.03)  # thinned tables
     np.testing.assert_allclose(got[6::2], 1, rtol=1e-5)
+
+
+def test_pbrt_takes_any_fibre(tmp_path: Path) -> None:
+    """A material with pbrt's own parameters, its tilt and its defaults; a viewer that it was not prepared for."""
+    for name in PBRT_HEADERS:
+        file = tmp_path / "pbrt" / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(f'#include "{ROOT / "tests/hosts/pbrt.h"}"\n')
+    (tmp_path / "pbrt/strands.h").write_text(export_family("chiang", "pbrt", name="strands").text)
+    (tmp_path / "main.cpp").write_text("""#include <pbrt/strands.h>
+#include <cstdio>
+#include <map>
+using namespace pbrt;
+struct Parameters {
+    std::map<std::string, Float> given;
+    FloatTexture GetFloatTextureOrNull(const std::string &name, Allocator) const {
+        const auto found = given.find(name);
+        return FloatTexture(found == given.end() ? nullptr : &found->second);
+    }
+    FloatTexture GetFloatTexture(const std::string &name, Float other, Allocator alloc) const {
+        if (given.count(name)) return GetFloatTextureOrNull(name, alloc);
+        return FloatTexture(new Float(other));
+    }
+    SpectrumTexture GetSpectrumTextureOrNull(const std::string &name, SpectrumType, Allocator alloc) const {
+        return SpectrumTexture(GetFloatTextureOrNull(name, alloc).value);
+    }
+};
+struct Context { Vector3f wo, dpdus; };
+void show(const Parameters &parameters, Vector3f wo) {
+    SampledWavelengths lambda;
+    const auto *material = StrandsHairMaterial::Create(parameters, static_cast<const int *>(nullptr), Allocator());
+    const Context context{{.6f, .48f, .64f}, {2, 0, 0}};
+    if (!material->CanEvaluateTextures(UniversalTextureEvaluator())) std::printf("no ");
+    const auto hair = material->GetBxDF(UniversalTextureEvaluator(), context, lambda);
+    const auto s = hair.Sample_f(wo, .3f, {.4f, .6f}, TransportMode::Radiance, BxDFReflTransFlags::All);
+    const SampledSpectrum f = hair.f(wo, s->wi, TransportMode::Radiance);
+    std::printf("%.8g %.8g %.8g %.8g ", s->wi.x, s->wi.y, s->wi.z, s->pdf);
+    std::printf("%.8g ", hair.PDF(wo, s->wi, TransportMode::Radiance, BxDFReflTransFlags::All));
+    for (int i = 0; i < 4; ++i) std::printf("%.8g %.8g ", s->f[i] * AbsCosTheta(s->wi), f[i] / s->f[i]);
+    std::printf("\\n");
+}
+int main() {
+    show({{{"sigma_a", .4f}, {"beta_m", .2f}, {"beta_n", .4f}, {"alpha", 3.f}}}, {.6f, .48f, .64f});
+    show({{{"sigma_a", .4f}}}, {-.8f, 0, .6f});
+    show({{{"color", .3f}, {"beta_n", .5f}}}, {.6f, .48f, .64f});
+    show({}, {.6f, .48f, .64f});
+}
+""")
+    run([compiler(), *COMPILE, "-Wno-unused-parameter", "-I.", "main.cpp", "-o", "main"], tmp_path)
+    rows = [np.array(line.split(), float) for line in run(["./main"], tmp_path).splitlines()]
+    pigment = cuticle.conventions.sigma_a_of_pigment(1.3)
+    hairs = [
+        ({"sigma_a": 0.4, "beta_m": 0.2, "beta_n": 0.4, "alpha": -3}, 0.6), ({"sigma_a": 0.4, "alpha": -2}, -0.8),
+        ({"color": 0.3, "beta_n": 0.5, "alpha": -2}, 0.6), ({"alpha": -2}, 0.6),
+    ]  # fmt: skip
+    for row, (hair, x) in zip(rows, hairs, strict=True):
+        if "color" in hair:
+            hair["sigma_a"] = float(cuticle.conventions.sigma_a_of_color(hair.pop("color"), hair["beta_n"]))
+        # The stand-in's wavelengths: blue, twice green, red.
+        absorption = [hair.pop("sigma_a")] * 4 if "sigma_a" in hair else pigment[[2, 1, 0, 0]].tolist()
+        theta_i, phi_i = np.arcsin(row[0]), np.arctan2(row[2], row[1])
+        phi_r = np.arctan2(0.64, 0.48) if x > 0 else np.pi / 2
+        models = [cuticle.Chiang(**hair, sigma_a=a) for a in absorption]
+        f = [float(m.eval(theta_i, np.arcsin(x), phi_i - phi_r)[0] * np.cos(theta_i)) for m in models]
+        np.testing.assert_allclose(row[5::2], f, rtol=0.02)
+        np.testing.assert_allclose(row[6::2], 1, rtol=1e-5)
+        albedo = [cuticle.measure(cuticle.family("chiang").sampler_at(m), m, np.arcsin(x)).energy[0] for m in models]
+        np.testing.assert_allclose(row[3:5], np.mean(f) / np.mean(albedo), rtol=0.02)
 
 
 @pytest.mark.parametrize(

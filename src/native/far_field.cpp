@@ -106,6 +106,7 @@ void bind_far_field(nb::module_ &m) {
     });
     m.attr("far_cells") = nb::make_tuple(cuticle::r_cells, cuticle::tt_cells, cuticle::tt_in_trt);
     m.def("longitudinal_deviation", [](double beta_m) { return cuticle::longitudinal_deviation(beta_m); });
+    m.def("color_divisor", [](double beta_n) { return cuticle::color_divisor(beta_n); });
     m.def("azimuthal_scale", [](double beta_n) { return cuticle::azimuthal_scale(beta_n); });
 }
 

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <initializer_list>
 #include <optional>
 #include <string>
 #include <tuple>
@@ -28,6 +29,11 @@ struct Point2f {
     Float operator[](int i) const { return i ? y : x; }
 };
 inline Float AbsCosTheta(Vector3f w) { return std::abs(w.z); }
+inline Float Dot(Vector3f a, Vector3f b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+inline Vector3f Normalize(Vector3f a) {
+    const Float length = std::sqrt(Dot(a, a));
+    return {a.x / length, a.y / length, a.z / length};
+}
 struct Frame {
     Vector3f x, y, z;
 };
@@ -116,9 +122,27 @@ template <class... Ts> class TaggedPointer {
     int tag = 0;
 };
 
-class FloatTexture {
-  public:
-    FloatTexture(std::nullptr_t) {}
+struct Texture {  // of one value everywhere, or none
+    const Float *value = nullptr;
+    Texture(std::nullptr_t) {}
+    explicit Texture(const Float *v) : value(v) {}
+    explicit operator bool() const { return value != nullptr; }
+    bool operator!=(std::nullptr_t) const { return value != nullptr; }
+};
+struct FloatTexture : Texture {
+    using Texture::Texture;
+};
+struct SpectrumTexture : Texture {
+    using Texture::Texture;
+};
+enum class SpectrumType { Illuminant, Albedo, Unbounded };
+struct UniversalTextureEvaluator {
+    bool CanEvaluate(std::initializer_list<FloatTexture>, std::initializer_list<SpectrumTexture>) const { return true; }
+    template <class Context> Float operator()(FloatTexture t, const Context &) const { return *t.value; }
+    template <class Context>
+    SampledSpectrum operator()(SpectrumTexture t, const Context &, const SampledWavelengths &) const {
+        return SampledSpectrum(*t.value);
+    }
 };
 class Image;
 struct MaterialEvalContext;
@@ -130,4 +154,6 @@ struct Allocator {
 class BrownHairBxDF;
 class BrownHairMaterial;
 #endif
+class StrandsHairBxDF;
+class StrandsHairMaterial;
 }  // namespace pbrt

@@ -26,6 +26,10 @@ template <class Float> CUTICLE_HD Float azimuthal_scale(const Float &beta_n) {
     return Float(.62665706865775006) *
            (Float(.265) * beta_n + Float(1.194) * square + Float(5.372) * (sixteenth * fourth * square));
 }
+// By which the root of a colour's absorption divides -ln of the colour that many such fibres show.
+template <class Float> CUTICLE_HD Float color_divisor(const Float &beta_n) {
+    return math::polynomial(beta_n, Float(.245), Float(5.574), Float(-10.73), Float(2.532), Float(-.215), Float(5.969));
+}
 template <class Float>
 CUTICLE_HD FarFibre<Float> chiang_fibre(const Float &beta_m, const Float &beta_n, const Float &alpha, const Float &eta) {
     const Float v = math::sqr(longitudinal_deviation(beta_m));

@@ -128,7 +128,7 @@ CUTICLE_HD Float far_eval(Azimuthal form, const FarField<Float, Channels> &field
     const Float wrapped = math::wrap_angle(phi), sides[2] = {wrapped, Float(-wrapped)};
     Float whole[2][far_edges], rest[2][far_edges];
     for (int s = 0; s < 2; ++s)
-        for (int j = 0; j < far_edges; j += abreast) {
+        for (int j = 0; j < far_cells + lobe_count; j += abreast) {
             const Turned<Cells> at = turned(form, Cells(Cells(sides[s]) - load(field.edge + j)), rates, cuts, kept);
             detail::store_cells<Float>(at.whole, whole[s] + j);
             detail::store_cells<Float>(at.rest, rest[s] + j);

@@ -65,6 +65,8 @@ def command(
     if family is not None:
         refuse_idle(ctx, "with --family, which is f and its sampler", "with_model", "model")
         check_family(family, to)
+        if to == "pbrt":
+            refuse_idle(ctx, "with --to pbrt", "frame")
     if to == "pbrt" and output.suffix != ".h":  # the folder, such as src/pbrt
         output = make_directory(output) / f"{name or 'fibre'}.h"
     check_output(output)
@@ -79,6 +81,8 @@ def command(
         made = export_family(family, to, frame=frame or DEFAULT_FRAME, name=name)
         write_output(output, made.text)
         tell.print(f"wrote {output}: {len(made.text):,} characters, for any fibre", soft_wrap=True)
+        if made.remarks:
+            tell.print(made.remarks, soft_wrap=True, markup=False, highlight=False)
         return
     assert sampler is not None
     if to is None:

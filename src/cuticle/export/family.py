@@ -18,10 +18,11 @@ from cuticle.export.hosts.hlsl import DIALECT as HLSL
 from cuticle.export.registry import Export
 from cuticle.export.shader import Dialect
 from cuticle.export.source import environment
+from cuticle.scattering import conventions
 from cuticle.scattering.any_fibre import FORMS
 from cuticle.scattering.bcsdf import REC709
 
-FAMILY_HOSTS = ("cpp", "cuda", "glsl", "hlsl")
+FAMILY_HOSTS = ("cpp", "cuda", "glsl", "hlsl", "pbrt")
 _DIALECTS = {"glsl": GLSL, "hlsl": HLSL}
 _ABOUT = {
     "chiang": "Chiang et al. 2016, far field: beta_m and beta_n from 0.05 to 1, alpha in radians, positive toward the root.",
@@ -34,21 +35,37 @@ def write_family(form: str, to: str, frame: str, name: str) -> Export:
     host_frame = FRAMES[frame]
     if to in _DIALECTS:
         return _shader(form, _DIALECTS[to], host_frame, name)
+    spectral = to == "pbrt"  # a channel is a wavelength there
     text = environment().get_template("family.h.j2").render(
-        name=name, guard=f"{name.upper()}_CUTICLE_H", frame=host_frame, cuda=to == "cuda", chiang=form == "chiang",
-        about=_about(form), core=amalgamate(["scattering/far_field.h"]), version=__version__.split("."),
+        name=name, guard=f"{name.upper()}_CUTICLE_H", frame=FRAMES["pbrt"] if spectral else host_frame, cuda=to == "cuda",
+        chiang=form == "chiang", about=_about(form), core=amalgamate(["scattering/far_field.h"]),
+        version=__version__.split("."), weights=(0.25,) * 4 if spectral else REC709,
+        colour="pbrt's wavelengths" if spectral else "linear RGB",
     )  # fmt: skip
-    return Export(text, 0)
+    return _pbrt(text, name) if spectral else Export(text, 0)
 
 
 def check_family(form: str, to: str | None) -> None:
     """Raise ValueError for a family or a host that there is not."""
     validate.choice("family", form, FORMS)
     validate.choice("to", to, FAMILY_HOSTS)
+    if to == "pbrt" and form != "chiang":
+        raise ValueError(f"pbrt takes the family chiang, whose parameters its scenes have; got {form!r}; use cpp for it")
 
 
 def _about(form: str) -> list[str]:
     return [f"Made by Cuticle {__version__}: the far field of any fibre. {_ABOUT[form]}"]
+
+
+def _pbrt(header: str, name: str) -> Export:
+    """With classes for pbrt-v4 that take all of its `hair`'s parameters."""
+    jinja = environment()
+    values = {"name": name, "prefix": "".join(part.capitalize() for part in name.split("_")), "create": "parameters, loc, "}
+    tilt = conventions.HOSTS["pbrt-v4"].tilt
+    classes = jinja.get_template("pbrt_family.h.j2").render(
+        **values, guard=f"{name.upper()}_PBRT_H", tilt=math.radians(tilt), pigments=conventions.PIGMENTS["deon2011"]
+    )
+    return Export(f"{header}\n{classes}", 0, remarks=jinja.get_template("pbrt.txt.j2").render(values))
 
 
 def _shader(form: str, dialect: Dialect, frame: Frame, name: str) -> Export:

@@ -15,7 +15,7 @@ def environment() -> jinja2.Environment:
         loader=jinja2.PackageLoader("cuticle.export"), undefined=jinja2.StrictUndefined, trim_blocks=True,
         lstrip_blocks=True, keep_trailing_newline=True,
     )  # fmt: skip
-    made.filters.update(single=single, singles=singles, wrapped=wrapped, comment=comment)
+    made.filters.update(single=single, singles=singles, wrapped=wrapped, comment=comment, double="Float({})".format)
     return made
 
 

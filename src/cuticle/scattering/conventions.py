@@ -343,7 +343,7 @@ def _sigma_a(value: Any, scale: float) -> dict[str, Any]:
 
 def _color_divisor(beta_n: ArrayLike) -> NDArray[np.float64]:
     b = validate.array("beta_n", beta_n, 0, 1, np.float64, remedy="roughness runs from 0.01 to 1")
-    return 5.969 - 0.215 * b + 2.532 * b**2 - 10.73 * b**3 + 5.574 * b**4 + 0.245 * b**5
+    return np.vectorize(_core.color_divisor, otypes=[np.float64])(b)
 
 
 def _inverse(name: str, value: float, function: Any) -> float:

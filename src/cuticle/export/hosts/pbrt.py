@@ -25,7 +25,7 @@ def write(job: Job) -> Export:
     if job.tables.channels not in CHANNELS:
         raise ValueError(f"pbrt takes one channel or linear sRGB, got a function of {job.tables.channels} channels")
     core = header(replace(job, frame=FRAMES["pbrt"]), cuda=False)
-    values = {"name": job.name, "prefix": "".join(part.capitalize() for part in job.name.split("_"))}
+    values = {"name": job.name, "prefix": "".join(part.capitalize() for part in job.name.split("_")), "create": ""}
     templates = environment()
     classes = templates.get_template("pbrt.h.j2").render(**values, guard=f"{job.name.upper()}_PBRT_H")
     lines = templates.get_template("pbrt.txt.j2").render(**values)
