@@ -12,6 +12,7 @@
 #include "cuticle/math/functions.h"
 #include "cuticle/math/logistic.h"
 
+#include "cuticle/simd/abreast.h"
 #include "cuticle/simd/lanes.h"
 #include "cuticle/simd/pack.h"
 #include "cuticle/simd/pack_math.h"

@@ -53,6 +53,14 @@ template <class F, class S, class M> struct Use {
         return sum(half<0>(joined) + math::max(half<1>(joined), -a)) + sum(select(a < b, math::exp(a), math::decay(b)));
     }
 #endif
+#ifdef USE_simd_abreast
+    F abreast_of() const {
+        F all[8] = {x, y, z, x, y, z, x, y};
+        const S known[8] = {};
+        store_abreast<F>(load_abreast(all) + constants_abreast<F>(known), all);
+        return sum_abreast<F>(load_abreast(all));
+    }
+#endif
 #ifdef USE_simd_several
     F several() const { return sum(Several<F, 3>(x) * Several<F, 3>(y)); }
 #endif
@@ -204,9 +212,7 @@ template <class F, class S, class M> struct Use {
     }
 #endif
 #ifdef USE_scattering_far_fibre
-    F fibre() const {
-        return chiang_fibre(x, y, z, x).width + marschner_fibre(x, y, z, x, y, z, x, y).tilt[2];
-    }
+    F fibre() const { return chiang_fibre(x, y, z, x).width + marschner_fibre(x, y, z, x, y, z, x, y).tilt[2]; }
 #endif
 #ifdef USE_scattering_far_field
     F far(F *f) const {

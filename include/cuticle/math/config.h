@@ -31,6 +31,13 @@
 #define CUTICLE_DEVICE 0
 #endif
 
+// Constants within a function.
+#if CUTICLE_DEVICE
+#define CUTICLE_CONSTANTS constexpr
+#else
+#define CUTICLE_CONSTANTS static constexpr
+#endif
+
 // Whether a comparison with NaN is false, as the language requires; -ffast-math and /fp:fast drop that guarantee.
 #if (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__) || defined(_M_FP_FAST)
 #define CUTICLE_ORDERS_NAN 0

@@ -5,7 +5,7 @@
 #include "cuticle/math/erf.h"
 #include "cuticle/math/logistic.h"
 #include "cuticle/scattering/azimuthal.h"
-#include "cuticle/simd/pack_math.h"
+#include "cuticle/simd/abreast.h"
 
 namespace cuticle {
 
@@ -80,36 +80,6 @@ template <class Scalar> CUTICLE_HD constexpr CellGeometry<Scalar> cell_geometry(
     }
     return g;
 }
-
-#if CUTICLE_DEVICE
-#define CUTICLE_CONSTANTS constexpr
-#else
-#define CUTICLE_CONSTANTS static constexpr
-#endif
-
-namespace detail {
-
-// Cells side by side in a vector, for numbers; lanes that are directions take one cell after the other.
-template <class Float> inline constexpr int abreast = std::is_arithmetic_v<Float> && !CUTICLE_DEVICE ? 8 : 1;
-template <class Float> using Abreast = std::conditional_t<abreast<Float> == 1, Float, Pack<Float, 8>>;
-template <class Float> CUTICLE_INLINE Abreast<Float> load_cells(const Float *from) {
-    if constexpr (abreast<Float> == 1) return *from;
-    else return load_pack<Float, 8>(from);
-}
-template <class Float> CUTICLE_INLINE Abreast<Float> constant_cells(const scalar_t<Float> *from) {
-    if constexpr (abreast<Float> == 1) return Float(*from);
-    else return load_pack<Float, 8>(from);
-}
-template <class Float> CUTICLE_INLINE void store_cells(const Abreast<Float> &x, Float *to) {
-    if constexpr (abreast<Float> == 1) *to = x;
-    else std::memcpy(to, &x.v, sizeof x.v);
-}
-template <class Float> CUTICLE_INLINE Float sum_cells(const Abreast<Float> &x) {
-    if constexpr (abreast<Float> == 1) return x;
-    else return sum(x);
-}
-
-}  // namespace detail
 
 }  // namespace cuticle
 

@@ -35,13 +35,13 @@ template <class Float> inline constexpr double far_digits = std::is_same_v<scala
 template <int Channels, class Float, class Scalar>
 CUTICLE_HD FarField<Float, Channels> far_field(Azimuthal form, const FarFibre<Float> &fibre, const Float &theta_r,
                                                const Float *sigma_a, const Scalar *luminance) {
-    using Cells = detail::Abreast<Float>;
+    using Cells = Abreast<Float>;
     using Lane = scalar_t<Float>;
-    constexpr int abreast = detail::abreast<Float>;
+    constexpr int abreast = cuticle::abreast<Float>;
     CUTICLE_CONSTANTS CellGeometry<Lane> dense = cell_geometry<Lane>(true), even = cell_geometry<Lane>(false);
-    const auto known = [](const Lane *from) { return detail::constant_cells<Float>(from); };
-    const auto load = [](const Float *from) { return detail::load_cells(from); };
-    const auto store = [](const Cells &x, Float *to) { detail::store_cells<Float>(x, to); };
+    const auto known = [](const Lane *from) { return constants_abreast<Float>(from); };
+    const auto load = [](const Float *from) { return load_abreast(from); };
+    const auto store = [](const Cells &x, Float *to) { store_abreast<Float>(x, to); };
     const bool closed = form == Azimuthal::normal;
     const Float sine = math::sin(theta_r), cosine = math::cos_theta(theta_r);
     const Cells sin_d(sine), cos_d(cosine), eta(fibre.eta);
@@ -100,9 +100,9 @@ CUTICLE_HD FarField<Float, Channels> far_field(Azimuthal form, const FarFibre<Fl
         for (int p = 0; p < lobe_count; ++p) {
             Cells all(Lane(0));
             for (int j = first_cell(p); j < first_cell(p + 1); j += abreast) all = all + load(field.height[c] + j);
-            field.energy[c][p] = detail::sum_cells<Float>(all);
+            field.energy[c][p] = sum_abreast<Float>(all);
         }
-        field.energy[c][lobe_count] = detail::sum_cells<Float>(rest[c]);
+        field.energy[c][lobe_count] = sum_abreast<Float>(rest[c]);
         for (int p = 0; p < far_lobes; ++p) luminous = luminous + Float(luminance[c]) * field.energy[c][p];
     }
     for (int c = 0; c < Channels; ++c) field.share[c] = Float(luminance[c]) / luminous;
@@ -118,10 +118,10 @@ CUTICLE_HD FarField<Float, Channels> far_field(Azimuthal form, const FarFibre<Fl
 template <class Float, int Channels>
 CUTICLE_HD Float far_eval(Azimuthal form, const FarField<Float, Channels> &field, const Float &theta_i, const Float &phi,
                           Float *f) {
-    using Cells = detail::Abreast<Float>;
+    using Cells = Abreast<Float>;
     using Lane = scalar_t<Float>;
-    constexpr int abreast = detail::abreast<Float>;
-    const auto load = [](const Float *from) { return detail::load_cells(from); };
+    constexpr int abreast = cuticle::abreast<Float>;
+    const auto load = [](const Float *from) { return load_abreast(from); };
     const Float rate = unit_rate(form, field.width), cut = lower_tail(form, Float(Float(pi<Float>) * rate));
     const Cells rates(rate), cuts(cut), kept(Float(Float(1) / (Float(1) - Float(2) * cut)));
     // Light through the fibre's other half leaves at the mirrored azimuths.
@@ -130,8 +130,8 @@ CUTICLE_HD Float far_eval(Azimuthal form, const FarField<Float, Channels> &field
     for (int s = 0; s < 2; ++s)
         for (int j = 0; j < far_cells + lobe_count; j += abreast) {
             const Turned<Cells> at = turned(form, Cells(Cells(sides[s]) - load(field.edge + j)), rates, cuts, kept);
-            detail::store_cells<Float>(at.whole, whole[s] + j);
-            detail::store_cells<Float>(at.rest, rest[s] + j);
+            store_abreast<Float>(at.whole, whole[s] + j);
+            store_abreast<Float>(at.rest, rest[s] + j);
         }
     Several<Float, far_lobes> axis(Lane(0)), variance(Lane(1));
     for (int p = 0; p < far_lobes; ++p) {
@@ -151,7 +151,7 @@ CUTICLE_HD Float far_eval(Azimuthal form, const FarField<Float, Channels> &field
             }
             for (int c = 0; c < Channels; ++c) around[c] = around[c] + load(field.height[c] + j) * both;
         }
-        for (int c = 0; c < Channels; ++c) f[c] = f[c] + Float(.5) * along[p] * detail::sum_cells<Float>(around[c]);
+        for (int c = 0; c < Channels; ++c) f[c] = f[c] + Float(.5) * along[p] * sum_abreast<Float>(around[c]);
     }
     const Float secant = Float(1) / math::cos_theta(theta_i);
     Float density = Float(0);
@@ -168,16 +168,15 @@ template <class Float> struct FarCell {
 };
 template <int p, class Float, int Channels>
 CUTICLE_INLINE FarCell<Float> far_cell(const FarField<Float, Channels> &field, const Float &u) {
-    constexpr int abreast = detail::abreast<Float>, first = first_cell(p), count = first_cell(p + 1) - first;
+    constexpr int abreast = cuticle::abreast<Float>, first = first_cell(p), count = first_cell(p + 1) - first;
     Float weight[count];
     // u is scaled by the sum in this very order, so that it never selects a cell of no energy.
     for (int j = 0; j < count; j += abreast) {
         const Float *edge = field.edge + first + j + p;
-        detail::Abreast<Float> all(Float(0));
+        Abreast<Float> all(Float(0));
         for (int c = 0; c < Channels; ++c)
-            all = all + detail::Abreast<Float>(field.share[c]) * detail::load_cells(field.height[c] + first + j);
-        detail::store_cells<Float>(
-            all * math::abs(detail::Abreast<Float>(detail::load_cells(edge + 1) - detail::load_cells(edge))), weight + j);
+            all = all + Abreast<Float>(field.share[c]) * load_abreast(field.height[c] + first + j);
+        store_abreast<Float>(all * math::abs(Abreast<Float>(load_abreast(edge + 1) - load_abreast(edge))), weight + j);
     }
     Float total = weight[0];
     for (int j = 1; j < count; ++j) total = total + weight[j];
