@@ -247,6 +247,25 @@ def test_parameters_are_traversed_and_change_what_is_seen(use_variant: UseVarian
 NEAR = {"near": True, "beta_m": 0.3, "beta_n": 0.25, "alpha": -2.0, "eumelanin": 1.3}
 
 
+def test_tables_of_other_absorptions_are_made_when_one_is_asked_for(use_variant: UseVariant) -> None:
+    """Not on loading; by a change of the scale, and by that of a number after it."""
+    mi = use_variant("scalar_rgb")
+    rng = np.random.default_rng(8)
+    r, i, u = random_directions(rng, 20), random_directions(rng, 20), rng.random((20, 3)).astype(np.float32)
+
+    def hair(**given: float) -> Any:
+        return mi.load_dict({"type": "cuticle", "fibre": "blond", "sampling": "uniform", **given})
+
+    bsdf = hair()
+    parameters = mi.traverse(bsdf)
+    for name, value, other in (("scale.value", 2.0, {"scale": 2.0}), ("beta_N", 14.0, {"scale": 2.0, "beta_N": 14.0})):
+        parameters[name] = value
+        parameters.update()
+        for strands in (None, np.full(20, 2.0)):
+            both = [ask(mi, b, r, i, u, strands).f for b in (bsdf, hair(**other))]
+            np.testing.assert_allclose(*both, rtol=1e-5)
+
+
 @pytest.mark.parametrize(
     ("given", "changes", "of_changed"),
     [

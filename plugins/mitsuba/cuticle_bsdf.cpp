@@ -57,7 +57,8 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
         m_exact_channels = props.get<int>("exact_channels");
         m_range = {props.get<ScalarFloat>("sigma_a_low"), props.get<ScalarFloat>("sigma_a_ratio"), m_exact_channels,
                    m_channels - m_exact_channels};
-        // The fibre's own absorption has channels of its own; any other falls between two of the range.
+        // The fibre's own absorption has channels of its own; any other falls between two of the range, which is made when
+        // it is first needed.
         m_fixed = !props.has_property("scale") && (m_exact_channels == 1 || is_rgb_v<Spectrum>);
         Base::set_flags(m_scale->is_spatially_varying(), m_average_rows > 0 || m_through.rows > 0
                                                              ? cuticle_mitsuba::hair_flag | cuticle_mitsuba::mean_flag
@@ -65,14 +66,18 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
     }
 
     void parameters_changed(const std::vector<std::string> &keys = {}) override {
-        Base::parameters_changed(keys);
         const auto changed = [&](const char *name) { return std::find(keys.begin(), keys.end(), name) != keys.end(); };
         if (keys.empty() || changed("sigma_a") || changed("scale")) m_fixed = false;
+        Base::parameters_changed(keys);
     }
 
     MI_DECLARE_CLASS(CuticleBSDF)
 
   private:
+    bool lacks_tables() const override { return !m_fixed && m_range.count == 0; }
+    void ask_for_tables(Properties &scene) const override {
+        if (!m_fixed) scene.set("scale", 1.0, false);
+    }
     void adopt(const HairBSDF<Float, Spectrum> &made) override {
         Base::adopt(made);
         const auto tables = [](auto &b) {

@@ -82,7 +82,8 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
         Properties scene(m_scene);
         for (const Number &n : m_numbers)
             if (n.value != n.made) scene.set(n.name, double(n.value), false);
-        if (scene == m_scene) return;
+        if (scene == m_scene && !lacks_tables()) return;
+        ask_for_tables(scene);
         try {
             adopt(static_cast<const HairBSDF &>(*PluginManager::instance()->create_object<Base>(scene)));
         } catch (...) {
@@ -119,12 +120,17 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
         }
     }
 
+    // Whether tables are needed that were not made, and the parameter by which Python makes them.
+    virtual bool lacks_tables() const { return false; }
+    virtual void ask_for_tables(Properties &) const {}
+
     // Takes over everything that follows from the numbers of another BSDF of the same class; textures stay. Numbers keep
     // their place in memory, which whoever traversed them holds.
     virtual void adopt(const HairBSDF &made) {
         std::copy(made.m_numbers.begin(), made.m_numbers.end(), m_numbers.begin());
         const auto rest = [](auto &b) {
-            return std::tie(b.m_single, b.m_combined, b.m_about, b.m_scene, b.m_transmittance);
+            return std::tie(b.m_single, b.m_combined, b.m_about, b.m_scene, b.m_transmittance, b.m_transmittance_rows,
+                            b.m_transmittance_channels, b.m_transmittance_limit);
         };
         rest(*this) = rest(made);
         m_flags = made.m_flags | (m_flags & +BSDFFlags::SpatiallyVarying);

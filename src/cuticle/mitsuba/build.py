@@ -42,8 +42,12 @@ class _Tables(NamedTuple):
 
 
 @lru_cache(maxsize=8)
-def _tables(fibre: Fibre | Chiang) -> _Tables:
+def _tables(fibre: Fibre | Chiang, ranged: bool) -> _Tables:
+    """Tables of the fibre's own absorption, and those of a range about it where another will be asked for."""
     own = fibre.absorption
+    if not ranged:
+        single = fibre if isinstance(fibre, Chiang) else alone(fibre)
+        return _Tables(own, 0.1, among_others(fibre) if isinstance(fibre, Fibre) else None, single)
     positive = [x for x in own if x > 0] or [0.1]
     high = min(max(positive) * _REACH, 500.0)
     low = max(min(positive) / _REACH, high / _RATIO ** (31 - len(own)))
@@ -76,7 +80,7 @@ def build(material: Material, *, scale: Any = None, sigma_a: Any = None, scene: 
     if isinstance(fibre, Chiang) and material.near:
         _near_field(props, fibre)
     elif isinstance(fibre, (Fibre, Chiang)) and closed:
-        _closed_forms(props, fibre)
+        _closed_forms(props, fibre, scale is not None or scene is None or (mi.is_spectral and fibre.channels > 1))
     else:
         _function_tables(props, material)
     for name, value in (("scale", scale), ("sigma_a", sigma_a)):
@@ -99,8 +103,8 @@ def _properties(values: Mapping[str, Any]) -> Any:
     return out
 
 
-def _closed_forms(props: Any, fibre: Fibre | Chiang) -> None:
-    tables = _tables(fibre)
+def _closed_forms(props: Any, fibre: Fibre | Chiang, ranged: bool) -> None:
+    tables = _tables(fibre, ranged)
     lobes = fibre.half_angle_lobes if isinstance(fibre, Chiang) else (fibre.alpha, fibre.beta)
     for name, radians in zip(("alpha", "beta"), lobes, strict=True):
         props[name] = mi.ScalarVector3d(*radians)
