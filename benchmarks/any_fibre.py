@@ -91,20 +91,23 @@ def quality(form: str, fibres: int, fits: int) -> dict[str, list[float]]:
 
 
 def picture(found: dict[str, list[float]], path: Path) -> None:
-    """Draw the ESS of all fibres, each sampler's from its worst to its best."""
+    """Draw what is lost to the ideal, 1/ESS - 1, each sampler's fibres from its worst to its best."""
     from matplotlib.figure import Figure  # takes a second to import
 
     from cuticle._support.plots import figure_bytes
 
     figure = Figure((7.5, 3.4), layout="constrained")
     axes = figure.subplots()
-    for (name, ess), colour in zip(found.items(), ("#b3471d", "#2f6690", "#6c757d", "#c9ada7"), strict=True):
-        share = (np.arange(len(ess)) + 0.5) / len(ess) * 100
-        axes.plot(share, np.sort(ess), color=colour, linewidth=2.2 if name == "any fibre" else 1.6)
+    colours = {"any fibre": "#b3471d", "4 lobes, fitted": "#2f6690", "h drawn at random": "#6c757d", "uniform": "#b08ea2"}
+    for name, colour in colours.items():
+        lost = np.sort(1 / np.array(found[name]) - 1)[::-1]
+        share = (np.arange(len(lost)) + 0.5) / len(lost) * 100
+        axes.semilogy(share, np.maximum(lost, 1e-7), color=colour, linewidth=2)
+        label = {"4 lobes, fitted": "4 lobes, fitted to each fibre", "h drawn at random": "near field, h drawn at random"}
         axes.annotate(
-            name, (share[len(ess) // 3], np.sort(ess)[len(ess) // 3]), (4, -13), textcoords="offset points", color=colour
+            label.get(name, name), (50, np.interp(50, share, lost)), (0, 5), textcoords="offset points", color=colour
         )
-    axes.set(xlim=(0, 100), ylim=(0, 1.03), xlabel="random fibres, % (worst first)", ylabel="ESS of luminance")
+    axes.set(xlim=(0, 100), ylim=(1e-6, 200), xlabel="random fibres, % (worst first)", ylabel="variance lost: 1/ESS - 1")
     axes.spines[["top", "right"]].set_visible(False)
     write_bytes(path, figure_bytes(figure))
 

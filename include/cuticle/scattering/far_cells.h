@@ -13,7 +13,7 @@ namespace cuticle {
 constexpr int r_cells = 24, tt_cells = 24, tt_in_trt = 3;
 constexpr int first_tt = r_cells, first_trt = r_cells + tt_cells, far_cells = first_trt + tt_cells / tt_in_trt;
 constexpr int far_edges = 64;  // of them far_cells + lobe_count are used
-constexpr int first_cell(int p) { return p == 0 ? 0 : p == 1 ? first_tt : p == 2 ? first_trt : far_cells; }
+CUTICLE_HD constexpr int first_cell(int p) { return p == 0 ? 0 : p == 1 ? first_tt : p == 2 ? first_trt : far_cells; }
 
 // Distances times unit_rate are those of a D of unit width; lower_tail is the probability that such a one leaves for less
 // than -x, x >= 0.
