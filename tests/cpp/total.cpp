@@ -155,6 +155,18 @@ template <class Float> void functions(std::size_t count) {
             cuticle::chiang_sample(chiang, state, argument<Float>(0, 1), argument<Float>(0, 1), argument<Float>(0, 1));
         expect_density("Chiang's pdf", s.pdf);
         expect_angle("Chiang's theta_i", s.theta_i, Float(1.5707964));
+        for (const auto form : {cuticle::Azimuthal::normal, cuticle::Azimuthal::logistic}) {
+            const auto fibre = cuticle::chiang_fibre(argument<Float>(.05, 1), argument<Float>(.05, 1),
+                                                     argument<Float>(-.3, .3), argument<Float>(1.05, 3));
+            const Float absorption[] = {argument<Float>(0, 20), argument<Float>(0, 20)}, weights[] = {Float(.5), Float(.5)};
+            const auto field = cuticle::far_field<channels>(form, fibre, tr, absorption, weights);
+            expect_density("any fibre's density", cuticle::far_eval(form, field, ti, phi, f));
+            check("any fibre");
+            const auto drawn =
+                cuticle::far_sample(form, field, argument<Float>(0, 1), argument<Float>(0, 1), argument<Float>(0, 1), f);
+            expect_density("any fibre's pdf", drawn.pdf);
+            expect_angle("any fibre's theta_i", drawn.theta_i, Float(1.5707964));
+        }
     }
 }
 

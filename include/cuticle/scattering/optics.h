@@ -50,7 +50,7 @@ template <class Float>
 CUTICLE_INLINE Float attenuation(int p, const CrossSection<Float> &ray, const Float &sigma_a, bool closed) {
     const Float f = ray.fresnel;
     if (p == 0) return f;
-    const Float t = math::decay(Float(-sigma_a * ray.chord));
+    const Float t = math::decay(math::min(Float(-sigma_a * ray.chord), Float(0)));  // less than none is none
     const Float tt = (Float(1) - f) * (Float(1) - f) * t;
     if (p == 1) return tt;
     const Float trt = tt * f * t;
