@@ -220,6 +220,7 @@ def test_bad_command_lines_are_one_line(arguments: tuple[str, ...], message: str
     refused("render", *arguments, words=message, cwd=tmp_path)
 
 
+@pytest.mark.slow
 def test_the_example_runs(tmp_path: Path) -> None:
     example = Path(__file__).parents[1] / "examples" / "render_hair.py"
     ran = subprocess.run(

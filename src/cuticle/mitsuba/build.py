@@ -48,6 +48,9 @@ def _tables(fibre: Fibre | Chiang) -> _Tables:
     high = min(max(positive) * _REACH, 500.0)
     low = max(min(positive) / _REACH, high / _RATIO ** (31 - len(own)))
     with_others = isinstance(fibre, Fibre) and among_others(fibre) is not None
+    # As printed, little absorption leaves multiple scattering without a sum: the range begins above that. One column tells.
+    while with_others and among_others(fibre.replace(sigma_a=low)) is None:
+        low *= _RATIO
     while True:
         steps = math.ceil(math.log(high / low, _RATIO)) + 1
         absorption = (*own, *(low * _RATIO**k for k in range(max(steps, 2))))
@@ -57,7 +60,6 @@ def _tables(fibre: Fibre | Chiang) -> _Tables:
         model = among_others(wide) if with_others else None
         if model is not None or not with_others:
             return _Tables(absorption, low, model, alone(wide))
-        # As printed, little absorption leaves multiple scattering without a sum: the range begins above that.
         low *= _RATIO
 
 
