@@ -29,10 +29,12 @@ COUNTS = (0.0, 1.0, 2.0, 4.0, 8.0)
 
 SLOW_EXAMPLES = ("cuticle.draft.document.document",)  # of docstrings: test_document.py calls it
 
-# Files whose tests one process runs, for it keeps what they fit and tabulate: the presets' BSDFs, and the draft's document.
+# Files whose tests one process runs, for it keeps what they fit and tabulate: the presets' BSDFs, the draft's document,
+# brown hair's sampler.
 TOGETHER = (
     ("test_mitsuba.py", "test_dual_scattering_integrator.py", "test_render.py", "test_mitsuba_refusals.py"),
     ("test_document.py", "test_document_figures.py", "test_report.py"),
+    ("test_examples.py", "test_web.py"),
 )
 
 
@@ -66,6 +68,11 @@ def document_model() -> cuticle.DualScattering:
 @pytest.fixture(scope="session")
 def document_fit(document_model: cuticle.DualScattering) -> cuticle.Fit:
     return cuticle.fit(document_model, 4, strands=COUNTS)
+
+
+@pytest.fixture(scope="session")
+def brown_sampler() -> cuticle.Sampler:
+    return cuticle.fit(cuticle.DualScattering(cuticle.Fibre.preset("brown")), 4, strands=COUNTS).sampler
 
 
 @pytest.fixture(scope="session")

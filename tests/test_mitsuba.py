@@ -355,8 +355,8 @@ def test_a_sampler_file_is_what_is_drawn_from(tmp_path: Path, use_variant: UseVa
 
 def test_says_what_it_holds(use_variant: UseVariant) -> None:
     mi = use_variant("scalar_rgb")
-    text = str(mi.load_string('<bsdf version="3.0.0" type="cuticle"><string name="fibre" value="brown"/></bsdf>'))
-    for part in ("eumelanin=1.3", "beta_R=8.3", "4 lobes", "sampling among strands", "sigma_a", "scale"):
+    text = str(mi.load_string('<bsdf version="3.0.0" type="cuticle"><string name="fibre" value="blond"/></bsdf>'))
+    for part in ("eumelanin=0.3", "beta_R=8.3", "4 lobes", "sampling among strands", "sigma_a", "scale"):
         assert part in text
 
 
