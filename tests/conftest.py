@@ -29,12 +29,11 @@ COUNTS = (0.0, 1.0, 2.0, 4.0, 8.0)
 
 SLOW_EXAMPLES = ("cuticle.draft.document.document",)  # of docstrings: test_document.py calls it
 
-# Files whose tests one process runs, for it keeps what they fit and tabulate: the presets' BSDFs, the draft's document,
+# Files whose tests one process runs, for it keeps what they fit and tabulate: the presets' BSDFs; the draft's document and
 # brown hair's sampler.
 TOGETHER = (
-    ("test_mitsuba.py", "test_dual_scattering_integrator.py", "test_render.py", "test_mitsuba_refusals.py"),
-    ("test_document.py", "test_document_figures.py", "test_report.py"),
-    ("test_examples.py", "test_web.py"),
+    ("test_mitsuba.py", "test_dual_scattering_integrator.py", "test_mitsuba_functions.py", "test_render.py"),
+    ("test_document.py", "test_document_figures.py", "test_report.py", "test_examples.py", "test_web.py"),
 )
 
 
@@ -71,8 +70,13 @@ def document_fit(document_model: cuticle.DualScattering) -> cuticle.Fit:
 
 
 @pytest.fixture(scope="session")
-def brown_sampler() -> cuticle.Sampler:
-    return cuticle.fit(cuticle.DualScattering(cuticle.Fibre.preset("brown")), 4, strands=COUNTS).sampler
+def brown_fit() -> cuticle.Fit:
+    return cuticle.fit(cuticle.DualScattering(cuticle.Fibre.preset("brown")), 4, strands=COUNTS)
+
+
+@pytest.fixture(scope="session")
+def brown_sampler(brown_fit: cuticle.Fit) -> cuticle.Sampler:
+    return brown_fit.sampler
 
 
 @pytest.fixture(scope="session")

@@ -30,8 +30,8 @@ def printed(data: Path) -> Printed:
 
 
 @pytest.fixture(scope="module")
-def brown() -> Document:
-    return document("brown")
+def brown(brown_fit: cuticle.Fit) -> Document:
+    return document("brown", lobes=brown_fit)
 
 
 # A Gaussian through a curve.

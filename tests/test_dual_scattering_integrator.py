@@ -68,7 +68,8 @@ def test_few_paths_correct_nothing(ball: Groom, use_variant: UseVariant) -> None
     assert not np.array_equal(image(4096), image(0))
 
 
-@pytest.mark.parametrize("variant", ["scalar_rgb", pytest.param("llvm_ad_rgb", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("variant", ["scalar_rgb", "llvm_ad_rgb"])
 def test_bounces_lead_to_paths(variant: str, ball: Groom, use_variant: UseVariant) -> None:
     mi, light = use_variant(variant), Light("area")
     path = mean(mi, ball, bsdf("blond"), integrator("path", depth=64), spp=256, light=light)
@@ -116,7 +117,8 @@ def test_emitter_and_bsdf_sampling_agree(kind: str, counter: str, ball: Groom, u
         assert abs(other.mean() / runs[0].mean() - 1) <= 0.1
 
 
-def test_strands_behind_are_counted(use_variant: UseVariant) -> None:
+@pytest.mark.parametrize("counter", ["grid", pytest.param("trace", marks=pytest.mark.slow)])
+def test_strands_behind_are_counted(counter: str, use_variant: UseVariant) -> None:
     """Sparse blond hair, lit from one side: a half space of strands would send back far more."""
     mi = use_variant("scalar_rgb")
     sparse, panel = hair_ball(3_000), Light("area")
@@ -126,9 +128,8 @@ def test_strands_behind_are_counted(use_variant: UseVariant) -> None:
         dual = mean(mi, sparse, bsdf("blond"), integrator("dual", correction_paths=0, **how), 256, light=panel)
         return float(np.abs(dual / path - 1).max())
 
-    for counter in ("grid", "trace"):
-        assert off(counter=counter) <= 0.15
-        assert off(counter=counter, behind="half_space") > 0.3
+    assert off(counter=counter) <= 0.15
+    assert off(counter=counter, behind="half_space") > 0.3
 
 
 def test_a_strand_alone_is_lit_as_by_direct(strand: Groom, use_variant: UseVariant) -> None:

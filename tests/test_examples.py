@@ -64,7 +64,7 @@ def test_the_program_tests_its_own_samples(brown_sampler: cuticle.Sampler, tmp_p
     assert "does not match" in done.stdout
 
 
-@pytest.mark.parametrize("installed", ["by pip", "by cmake --install"])
+@pytest.mark.parametrize("installed", ["by pip", pytest.param("by cmake --install", marks=slow)])
 def test_a_cmake_project_finds_the_headers(installed: str, tmp_path: Path) -> None:
     cmake = shutil.which("cmake")
     if cmake is None:

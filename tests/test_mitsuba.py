@@ -253,10 +253,11 @@ NEAR = {"near": True, "beta_m": 0.3, "beta_n": 0.25, "alpha": -2.0, "eumelanin":
     [
         (NEAR, {"beta_m": 0.4, "alpha": 3.0, "eta": 1.4, "pheomelanin": 0.5}, {}),
         # A default that follows another parameter still does.
-        (
+        pytest.param(
             {"alpha_R": -3.0, "beta_R": 8.0, "eumelanin": 1.0, "lobes": 1},
             {"alpha_R": -6.0, "eumelanin": 0.25},
             {"alpha_TT": 3.0, "alpha_TRT": 9.0},
+            marks=pytest.mark.slow,
         ),
         pytest.param({**NEAR, "near": False}, {"beta_n": 0.4, "eumelanin": 0.3}, {}, marks=pytest.mark.slow),
         pytest.param({**NEAR, "near": False, "strands": True, "lobes": 1}, {"beta_m": 0.5}, {}, marks=pytest.mark.slow),
