@@ -65,8 +65,7 @@ struct TableData {
 template <int K>
 void add_sampler(std::vector<Case> &cases, const std::string &label, const TableData &data, const Inputs &in,
                  float strands) {
-    const Lobes<K> table{data.nodes.data(), data.energy.data(), data.strands.data(),
-                         data.rows,         data.theta_nodes,   data.even};
+    const Lobes<K> table{data.nodes.data(), data.energy.data(), data.strands.data(), data.rows, data.theta_nodes, data.even};
     cases.push_back({label + " pdf",
                      [=, &in] {
                          float sum = 0;

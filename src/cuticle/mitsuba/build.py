@@ -49,8 +49,9 @@ def _tables(fibre: Fibre | Chiang) -> _Tables:
     low = max(min(positive) / _REACH, high / _RATIO ** (31 - len(own)))
     with_others = isinstance(fibre, Fibre) and among_others(fibre) is not None
     # As printed, little absorption leaves multiple scattering without a sum: the range begins above that. One column tells.
-    while with_others and among_others(fibre.replace(sigma_a=low)) is None:
-        low *= _RATIO
+    if isinstance(fibre, Fibre) and with_others:
+        while among_others(fibre.replace(sigma_a=low)) is None:
+            low *= _RATIO
     while True:
         steps = math.ceil(math.log(high / low, _RATIO)) + 1
         absorption = (*own, *(low * _RATIO**k for k in range(max(steps, 2))))
