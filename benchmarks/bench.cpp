@@ -1,5 +1,6 @@
 // Cost of the core in single precision on one thread, as multiples of a calibration kernel (16 independent
-// expf calls on varying inputs) timed in the same rounds. bench.py writes the input, compiles and runs this.
+// expf calls on varying inputs) timed in the same rounds. bench.py writes the input, compiles and runs this, for one family
+// of lobes.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -13,8 +14,13 @@
 
 #include "cuticle/cuticle.h"
 
+#ifndef BENCH_FAMILY
+#define BENCH_FAMILY NormalLobes
+#endif
+
 namespace {
 
+template <int K> using Lobes = cuticle::LobeTable<float, K, const float *, cuticle::BENCH_FAMILY>;
 using Clock = std::chrono::steady_clock;
 constexpr int inputs = 4096;
 constexpr std::size_t bulk = 10'000'000;
@@ -59,8 +65,7 @@ struct TableData {
 template <int K>
 void add_sampler(std::vector<Case> &cases, const std::string &label, const TableData &data, const Inputs &in,
                  float strands) {
-    const cuticle::LobeTable<float, K> table{data.nodes.data(), data.energy.data(), data.strands.data(),
-                                             data.rows,         data.theta_nodes,   data.even};
+    const Lobes<K> table{data.nodes.data(), data.energy.data(), data.strands.data(), data.rows, data.theta_nodes, data.even};
     cases.push_back({label + " pdf",
                      [=, &in] {
                          float sum = 0;
@@ -205,8 +210,8 @@ int main(int argc, char **argv) {
         for (float &x : random) x = std::min(d(rng), .99999994f);
     }
     const auto all_cores = [&] {
-        const cuticle::LobeTable<float, 4> table{four->nodes.data(), four->energy.data(), four->strands.data(),
-                                                 four->rows,         four->theta_nodes,   four->even};
+        const Lobes<4> table{four->nodes.data(), four->energy.data(), four->strands.data(),
+                             four->rows,         four->theta_nodes,   four->even};
         const auto work = [&](std::size_t begin, std::size_t end) {
             for (std::size_t i = begin; i < end; ++i) {
                 const auto s = cuticle::sample(table, viewers[i], random[3 * i], random[3 * i + 1], random[3 * i + 2], 2.f);

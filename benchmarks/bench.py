@@ -65,13 +65,15 @@ def write_input(path: Path, cases: list[tuple[str, Sampler, float]], model: cuti
         reals([through.limit, fibre.d_f, fibre.d_b])
 
 
-def costs(cases: list[tuple[str, Sampler, float]], model: cuticle.DualScattering, rounds: int) -> dict[str, float]:
+def costs(
+    cases: list[tuple[str, Sampler, float]], model: cuticle.DualScattering, rounds: int, family: str = "NormalLobes"
+) -> dict[str, float]:
     compiler = os.environ.get("CXX") or shutil.which("g++") or shutil.which("c++")
     if compiler is None:
         sys.exit("bench needs a C++ compiler; set CXX")
     with tempfile.TemporaryDirectory() as folder:
         program, data = Path(folder) / "bench", Path(folder) / "input"
-        flags = ["-std=c++17", "-O3", "-march=native", "-pthread", f"-I{ROOT / 'include'}"]
+        flags = ["-std=c++17", "-O3", "-march=native", "-pthread", f"-I{ROOT / 'include'}", f"-DBENCH_FAMILY={family}"]
         subprocess.run([compiler, *flags, str(ROOT / "benchmarks/bench.cpp"), "-o", str(program)], check=True)
         write_input(data, cases, model)
         done = subprocess.run([str(program), str(data), str(rounds)], check=True, capture_output=True, text=True)

@@ -9,16 +9,15 @@ from __future__ import annotations
 import argparse
 import sys
 
-import numpy as np
 from rich.console import Console
 
+import bench
 import cuticle
-from cuticle import _core
 from cuticle.cli.tables import table
 from cuticle.sampling.families import FAMILIES
 
 LOBES = (1, 2, 4, 8)
-INPUTS, ROUNDS = 2048, 41
+ROUNDS = 41
 PATH = 30.0  # kernels to trace and shade a ray, as in fitting/costs.py
 out = Console() if sys.stdout.isatty() else Console(width=118)
 
@@ -33,15 +32,15 @@ def models() -> dict[str, cuticle.Bcsdf]:
     return found
 
 
-def costs(samplers: dict[str, cuticle.Sampler]) -> dict[str, float]:
-    rng = np.random.default_rng(1)
-    x = rng.random(INPUTS + 16, np.float32)
-    theta_r = rng.uniform(-1.5, 1.5, INPUTS).astype(np.float32)
-    u = rng.random(3 * INPUTS, np.float32)
-    tables = [s._table(np.float32) for s in samplers.values()]
-    rounds = [[_core.kernel_cost(x), *(t.sample_cost(theta_r, u, 0.0) for t in tables)] for _ in range(ROUNDS)]
-    kernel, *others = np.median(rounds, axis=0)
-    return dict(zip(samplers, (float(c / kernel) for c in others), strict=True))
+def costs(fits: dict[tuple[str, int, str], cuticle.Fit]) -> dict[tuple[str, int, str], float]:
+    found = {}
+    for family in FAMILIES:
+        own = {key: f for key, f in fits.items() if key[2] == family}
+        cases = [(f"{name} {lobes}", f.sampler, 0.0) for (name, lobes, _), f in own.items()]
+        model = cuticle.DualScattering(cuticle.Fibre.preset("document"), formulation="exact")
+        took = bench.costs(cases, model, ROUNDS, f"{family.capitalize()}Lobes")
+        found |= {key: took[f"{key[0]} {key[1]} sample"] / took["calibration"] for key in own}
+    return found
 
 
 def main() -> None:
@@ -56,11 +55,13 @@ def main() -> None:
         "most ESS, and with a path of 30 kernels",
     ):
         listing.add_column(column, justify="left" if column == "function" else "right")
-    for name, model in models().items():
+    functions = models()
+    fits = {(n, k, f): cuticle.fit(functions[n], k, family=f) for n in functions for k in LOBES for f in FAMILIES}
+    prices = costs(fits)
+    for name in functions:
         for lobes in LOBES:
-            fits = {family: cuticle.fit(model, lobes, family=family) for family in FAMILIES}
-            rows = {family: f.summary[0][1:3] for family, f in fits.items()}
-            cost = costs({family: f.sampler for family, f in fits.items()})
+            rows = {family: fits[name, lobes, family].summary[0][1:3] for family in FAMILIES}
+            cost = {family: prices[name, lobes, family] for family in FAMILIES}
             ess = {family: row[0] for family, row in rows.items()}
             efficiency = {family: ess[family] / (cost[family] + PATH) for family in FAMILIES}
             best, quick = max(ess, key=ess.__getitem__), max(efficiency, key=efficiency.__getitem__)

@@ -27,12 +27,36 @@ if LLVM:
 COUNTS = (0.0, 1.0, 2.0, 4.0, 8.0)
 
 
+SLOW_EXAMPLES = ("cuticle.draft.document.document",)  # of docstrings: test_document.py calls it
+
+# Files whose tests one process runs, for it keeps what they fit and tabulate: the presets' BSDFs; the draft's document and
+# brown hair's sampler.
+TOGETHER = (
+    ("test_mitsuba.py", "test_dual_scattering_integrator.py", "test_mitsuba_functions.py", "test_render.py"),
+    ("test_document.py", "test_document_figures.py", "test_report.py", "test_examples.py", "test_web.py"),
+)
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mitsuba's other variants repeat what the scalar one shows, most of them after minutes of compiling: they are slow."""
     for item in items:
         call = getattr(item, "callspec", None)
-        if call is not None and call.params.get("variant", "scalar_rgb") != "scalar_rgb":
+        other = call is not None and call.params.get("variant", "scalar_rgb") != "scalar_rgb"
+        if other or item.name in SLOW_EXAMPLES:
             item.add_marker(pytest.mark.slow)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Give the files of one line of TOGETHER to one process, and every other file as a whole, as `--dist loadfile` does."""
+    from xdist.scheduler import LoadFileScheduling
+
+    class Scheduling(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = super()._split_scope(nodeid)
+            return next((group[0] for group in TOGETHER if Path(file).name in group), file)
+
+    return Scheduling(config, log) if config.getvalue("dist") == "loadfile" else None
 
 
 @pytest.fixture(scope="session")
@@ -43,6 +67,16 @@ def document_model() -> cuticle.DualScattering:
 @pytest.fixture(scope="session")
 def document_fit(document_model: cuticle.DualScattering) -> cuticle.Fit:
     return cuticle.fit(document_model, 4, strands=COUNTS)
+
+
+@pytest.fixture(scope="session")
+def brown_fit() -> cuticle.Fit:
+    return cuticle.fit(cuticle.DualScattering(cuticle.Fibre.preset("brown")), 4, strands=COUNTS)
+
+
+@pytest.fixture(scope="session")
+def brown_sampler(brown_fit: cuticle.Fit) -> cuticle.Sampler:
+    return brown_fit.sampler
 
 
 @pytest.fixture(scope="session")

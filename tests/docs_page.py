@@ -2,7 +2,7 @@
 
     python docs_page.py PAGE FOLDER [--slow]
 
-Each page has a process of its own: what it registers or configures ends with it.
+Each page has a process of its own: what it registers or configures ends with it. Each imports what its own blocks need.
 
 - `python` blocks share a namespace.
 - `sh` blocks run line by line: `cuticle …` through the entry point in this process, anything else in bash.
@@ -27,11 +27,6 @@ import sys
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
-
-import pytest
-
-import command
-from cuticle.export.headers import include_dir
 
 LANGUAGES = ("python", "sh", "cpp")
 COMPILE = ("c++", "-std=c++17", "-O0", "-Wall", "-Wextra", "-Werror")
@@ -77,12 +72,16 @@ def run(block: Block, namespace: dict[str, object], folder: Path, name: str) -> 
         for line in block.code.replace("\\\n", " ").splitlines():
             words = shlex.split(line, comments=True)
             if words[:1] == ["cuticle"]:
+                import command
+
                 done = command.run(*words[1:], cwd=folder)
             else:
                 done = subprocess.run(["bash", "-ec", line], cwd=folder, capture_output=True, text=True, check=False)
             if done.returncode != 0:
                 raise RuntimeError(f"exit code {done.returncode} of: {line}\n{done.stdout}{done.stderr}")
     else:
+        from cuticle.export.headers import include_dir
+
         source = folder / f"line_{block.line}.cpp"
         source.write_text(block.code, encoding="utf-8")
         whole = "int main(" in block.code
@@ -94,6 +93,8 @@ def run(block: Block, namespace: dict[str, object], folder: Path, name: str) -> 
 
 def _install(code: str, path: Path) -> None:
     """Write a file of the package or of the tests, and make it a module, or run it."""
+    import pytest
+
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(code, encoding="utf-8")
     if path.parent.name != "tests":

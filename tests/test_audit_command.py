@@ -79,8 +79,8 @@ def test_the_command_audits_a_plugin(tmp_path: Path) -> None:
     assert done.returncode == 1, done.stderr
     plain = json.loads(done.stdout)
     assert plain["cases"][0]["repeated"][0][:2] == ["theta_i", 0.0]
-    done = run_program("audit", "mitsuba:hair", "gloss=1", cwd=tmp_path)
+    done = run("audit", "mitsuba:hair", "gloss=1", cwd=tmp_path)
     assert done.returncode == 2
     assert "Mitsuba refuses" in done.stderr
-    done = run_program("audit", "mitsuba:dielectric", cwd=tmp_path)
+    done = run("audit", "mitsuba:dielectric", cwd=tmp_path)
     assert "single directions only" in done.stderr

@@ -43,7 +43,7 @@ def test_tables_of_different_nodes_combine_exactly(
     np.testing.assert_allclose(both.pdf(*points), expected, rtol=1e-12)
 
 
-@pytest.mark.parametrize("strands", [2.0, None])
+@pytest.mark.parametrize("strands", [2.0, pytest.param(None, marks=pytest.mark.slow)])
 def test_it_passes_the_check_and_survives_a_file(
     document_model: cuticle.DualScattering, document_fit: cuticle.Fit, tmp_path: Path, strands: float | None
 ) -> None:

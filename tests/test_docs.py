@@ -17,7 +17,7 @@ import docs_page
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md"), *(ROOT / "examples").glob("*.md")])
 TEXTS = [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]
-WITH_BLOCKS = [p for p in PAGES if any(b.reason is None for b in docs_page.blocks(p.read_text(encoding="utf-8")))]
+RUN = {p: [b for b in docs_page.blocks(p.read_text(encoding="utf-8")) if b.reason is None] for p in PAGES}
 _LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 
 
@@ -38,20 +38,24 @@ def play(page: Path, folder: Path, *options: str) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("page", WITH_BLOCKS, ids=name)
+@pytest.mark.parametrize("page", [p for p, found in RUN.items() if not all(b.slow for b in found)], ids=name)
 def test_code_blocks_run(page: Path, tmp_path: Path) -> None:
     play(page, tmp_path)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", [p for p in WITH_BLOCKS if "<!-- slow -->" in p.read_text(encoding="utf-8")], ids=name)
+@pytest.mark.parametrize("page", [p for p, found in RUN.items() if any(b.slow for b in found)], ids=name)
 def test_slow_code_blocks_run(page: Path, tmp_path: Path) -> None:
     play(page, tmp_path, "--slow")
 
 
 @pytest.mark.parametrize(
     "block",
-    ["```python\nassert cuticle\n```", "```sh\ncuticle fit red -o red\n```", "```cpp\nint f() { return x; }\n```"],
+    [
+        "```python\nassert cuticle\n```",
+        pytest.param("```sh\ncuticle fit red -o red\n```", marks=pytest.mark.slow),
+        pytest.param("```cpp\nint f() { return x; }\n```", marks=pytest.mark.slow),
+    ],
 )
 def test_a_wrong_block_is_found(block: str, tmp_path: Path) -> None:
     (tmp_path / "page.md").write_text(f"Text.\n\n{block}\n", encoding="utf-8")

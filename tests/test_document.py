@@ -15,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import cuticle
+from conftest import COUNTS
 from cuticle.draft.document import Document, document
 from cuticle.draft.functions import find_form, find_functions
 from cuticle.draft.gaussians import fit_gaussian
@@ -29,8 +30,8 @@ def printed(data: Path) -> Printed:
 
 
 @pytest.fixture(scope="module")
-def brown() -> Document:
-    return document("brown")
+def brown(brown_fit: cuticle.Fit) -> Document:
+    return document("brown", lobes=brown_fit)
 
 
 # A Gaussian through a curve.
@@ -219,7 +220,8 @@ def test_the_functions_make_a_sampler_at_once(reproduced: Document) -> None:
 
 
 def test_a_fibre_without_a_highlight_says_so() -> None:
-    black = document("black")
+    model = cuticle.DualScattering(cuticle.Fibre.preset("black"))
+    black = document("black", lobes=cuticle.fit(model, 1, strands=COUNTS))
     assert black.found is None
     assert "cuticle.fit with lobes" in black.reason
     assert black.axis == 0

@@ -20,14 +20,14 @@ if importlib.util.find_spec("mitsuba") is None:
 
 
 @pytest.mark.parametrize("kind", ["env", "studio", "area", "point", "sun"])
-@pytest.mark.parametrize("counter", ["grid", "trace"])
-def test_every_light_reaches_hair_through_hair(kind: str, counter: str, ball: Groom, use_variant: UseVariant) -> None:
+def test_every_light_reaches_hair_through_hair(kind: str, ball: Groom, use_variant: UseVariant) -> None:
     mi = use_variant("scalar_rgb")
-    dual = mean(mi, ball, bsdf("brown"), integrator("dual", counter=counter, correction_paths=0), light=Light(kind))
     direct = mean(mi, ball, bsdf("brown"), integrator("direct"), light=Light(kind))
     path = mean(mi, ball, bsdf("brown"), integrator("path", depth=64), light=Light(kind))
-    assert dual[0] > 1.1 * direct[0]  # red; blue hardly comes through
-    assert np.abs(dual / path - 1).max() <= 0.12  # light off the straight line to it is left out
+    for counter in ("grid", "trace"):
+        dual = mean(mi, ball, bsdf("brown"), integrator("dual", counter=counter, correction_paths=0), light=Light(kind))
+        assert dual[0] > 1.1 * direct[0], counter  # red; blue hardly comes through
+        assert np.abs(dual / path - 1).max() <= 0.12, counter  # light off the straight line to it is left out
 
 
 @pytest.mark.slow
@@ -68,7 +68,8 @@ def test_few_paths_correct_nothing(ball: Groom, use_variant: UseVariant) -> None
     assert not np.array_equal(image(4096), image(0))
 
 
-@pytest.mark.parametrize("variant", ["scalar_rgb", pytest.param("llvm_ad_rgb", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("variant", ["scalar_rgb", "llvm_ad_rgb"])
 def test_bounces_lead_to_paths(variant: str, ball: Groom, use_variant: UseVariant) -> None:
     mi, light = use_variant(variant), Light("area")
     path = mean(mi, ball, bsdf("blond"), integrator("path", depth=64), spp=256, light=light)
@@ -101,24 +102,23 @@ def test_no_light_counts_twice_between_mirrors(bounces: int, strand: Groom, use_
 
 
 @pytest.mark.parametrize("kind", [pytest.param("env", marks=pytest.mark.slow), "area"])
-def test_emitter_and_bsdf_sampling_agree(kind: str, ball: Groom, use_variant: UseVariant) -> None:
+@pytest.mark.parametrize("counter", ["grid", pytest.param("trace", marks=pytest.mark.slow)])
+def test_emitter_and_bsdf_sampling_agree(kind: str, counter: str, ball: Groom, use_variant: UseVariant) -> None:
     mi = use_variant("scalar_rgb")
-    for counter in ("grid", "trace"):
-        runs = []
-        for samples in ((1, 0), (0, 1), (1, 1), (3, 2)):
-            how = integrator(
-                "dual", counter=counter, emitter_samples=samples[0], bsdf_samples=samples[1], correction_paths=0
-            )
-            scene = load_scene(mi, ball, bsdf("brown"), view=SMALL, technique=how, light=Light(kind))
-            images = [render(scene, 32, seed=s).image[..., 1] for s in range(8)]
-            runs.append(np.mean(images, axis=(1, 2)))
-        for other in runs[1:]:
-            z = (other.mean() - runs[0].mean()) / np.sqrt((other.var(ddof=1) + runs[0].var(ddof=1)) / 8)
-            assert abs(z) <= 5  # Student's with 7 to 14 degrees of freedom, 12 of them: 1 % at most
-            assert abs(other.mean() / runs[0].mean() - 1) <= 0.1
+    runs = []
+    for samples in ((1, 0), (0, 1), (1, 1), (3, 2)):
+        how = integrator("dual", counter=counter, emitter_samples=samples[0], bsdf_samples=samples[1], correction_paths=0)
+        scene = load_scene(mi, ball, bsdf("brown"), view=SMALL, technique=how, light=Light(kind))
+        images = [render(scene, 32, seed=s).image[..., 1] for s in range(8)]
+        runs.append(np.mean(images, axis=(1, 2)))
+    for other in runs[1:]:
+        z = (other.mean() - runs[0].mean()) / np.sqrt((other.var(ddof=1) + runs[0].var(ddof=1)) / 8)
+        assert abs(z) <= 5  # Student's with 7 to 14 degrees of freedom, 12 of them in all: 1 % at most
+        assert abs(other.mean() / runs[0].mean() - 1) <= 0.1
 
 
-def test_strands_behind_are_counted(use_variant: UseVariant) -> None:
+@pytest.mark.parametrize("counter", ["grid", pytest.param("trace", marks=pytest.mark.slow)])
+def test_strands_behind_are_counted(counter: str, use_variant: UseVariant) -> None:
     """Sparse blond hair, lit from one side: a half space of strands would send back far more."""
     mi = use_variant("scalar_rgb")
     sparse, panel = hair_ball(3_000), Light("area")
@@ -128,9 +128,8 @@ def test_strands_behind_are_counted(use_variant: UseVariant) -> None:
         dual = mean(mi, sparse, bsdf("blond"), integrator("dual", correction_paths=0, **how), 256, light=panel)
         return float(np.abs(dual / path - 1).max())
 
-    for counter in ("grid", "trace"):
-        assert off(counter=counter) <= 0.15
-        assert off(counter=counter, behind="half_space") > 0.3
+    assert off(counter=counter) <= 0.15
+    assert off(counter=counter, behind="half_space") > 0.3
 
 
 def test_a_strand_alone_is_lit_as_by_direct(strand: Groom, use_variant: UseVariant) -> None:
@@ -140,7 +139,7 @@ def test_a_strand_alone_is_lit_as_by_direct(strand: Groom, use_variant: UseVaria
     assert np.abs(dual / mean(mi, strand, alone, integrator("direct"), 256) - 1).max() <= 0.01
 
 
-@pytest.mark.parametrize("counter", ["grid", "trace"])
+@pytest.mark.parametrize("counter", ["grid", pytest.param("trace", marks=pytest.mark.slow)])
 def test_other_things_cast_shadows_and_are_lit(counter: str, ball: Groom, use_variant: UseVariant) -> None:
     mi = use_variant("scalar_rgb")
     sun = Light("sun")
@@ -245,7 +244,7 @@ def test_instances_are_the_hair_that_they_repeat(tmp_path: Path, use_variant: Us
         mi.render(mi.load_dict(scene | mixed), spp=1)
 
 
-@pytest.mark.parametrize("counter", ["grid", "trace"])
+@pytest.mark.parametrize("counter", ["grid", pytest.param("trace", marks=pytest.mark.slow)])
 def test_light_through_hair_of_another_colour(counter: str, ball: Groom, tmp_path: Path, use_variant: UseVariant) -> None:
     """Every second strand is black: what is blond, and what is black, is as bright as with paths."""
     mi = use_variant("scalar_rgb")

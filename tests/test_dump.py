@@ -149,7 +149,7 @@ def sharp(n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.
     return np.array(s.theta_i), np.array(s.phi), np.array(s.pdf)
 
 
-@pytest.mark.parametrize("n", [2_000, 6_000, pytest.param(60_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("n", [2_000, *(pytest.param(n, marks=pytest.mark.slow) for n in (6_000, 60_000))])
 def test_right_samples_have_small_p_values_as_seldom_as_they_may(n: int) -> None:
     """Of 200 dumps, p below 0.02 in at most 11: a right test has more with probability 1e-3 at most (Poisson, mean 4)."""
     rng = np.random.default_rng(7)

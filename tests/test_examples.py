@@ -22,11 +22,6 @@ slow = pytest.mark.slow
 COMPILE = ["-std=c++17", "-O2", "-Wall", "-Wextra", "-Werror"]
 
 
-@pytest.fixture(scope="module")
-def brown() -> cuticle.Sampler:
-    return cuticle.fit(cuticle.DualScattering(cuticle.Fibre.preset("brown")), 4, strands=(0, 1, 2, 4, 8)).sampler
-
-
 @cache
 def exported(sampler: cuticle.Sampler, host: str, with_model: bool = False) -> Export:
     """An export measures what its heading says: made once."""
@@ -53,9 +48,9 @@ def run(command: list[str], folder: Path) -> str:
     return done.stdout
 
 
-def test_the_program_tests_its_own_samples(brown: cuticle.Sampler, tmp_path: Path) -> None:
+def test_the_program_tests_its_own_samples(brown_sampler: cuticle.Sampler, tmp_path: Path) -> None:
     shutil.copy(ROOT / "examples/cpp/main.cpp", tmp_path)
-    text = exported(brown, "cpp").text
+    text = exported(brown_sampler, "cpp").text
     (tmp_path / "brown.h").write_text(text)
     run([compiler(), *COMPILE, "main.cpp", "-o", "main"], tmp_path)
     assert "samples follow the pdf" in run(["./main"], tmp_path)
@@ -69,7 +64,7 @@ def test_the_program_tests_its_own_samples(brown: cuticle.Sampler, tmp_path: Pat
     assert "does not match" in done.stdout
 
 
-@pytest.mark.parametrize("installed", ["by pip", "by cmake --install"])
+@pytest.mark.parametrize("installed", ["by pip", pytest.param("by cmake --install", marks=slow)])
 def test_a_cmake_project_finds_the_headers(installed: str, tmp_path: Path) -> None:
     cmake = shutil.which("cmake")
     if cmake is None:
@@ -164,12 +159,12 @@ def pbrt_main(folder: Path, sampler: cuticle.Sampler, include: str, entry: str =
 
 
 @pytest.mark.parametrize("gpu", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_pbrt(brown: cuticle.Sampler, gpu: bool, tmp_path: Path) -> None:
-    pbrt_main(tmp_path, brown, "{line}")
+def test_pbrt(brown_sampler: cuticle.Sampler, gpu: bool, tmp_path: Path) -> None:
+    pbrt_main(tmp_path, brown_sampler, "{line}")
     flags = [*COMPILE, "-Wno-unused-parameter", "-I.", *(["-DPBRT_IS_GPU_CODE"] if gpu else [])]
     run([compiler(), *flags, "main.cpp", "-o", "main"], tmp_path)
     got = np.array(run(["./main"], tmp_path).split(), float)
-    direction, p, f = expected(brown, np.array([0.6, 0.48, 0.64]), (0.3, 0.4, 0.6))
+    direction, p, f = expected(brown_sampler, np.array([0.6, 0.48, 0.64]), (0.3, 0.4, 0.6))
     np.testing.assert_allclose(got[:3], direction, atol=1e-5)
     np.testing.assert_allclose(got[3:5], p, rtol=1e-4)
     np.testing.assert_allclose(got[5::2], f, rtol=0.03)  # thinned tables
@@ -256,23 +251,23 @@ int main() {
     ],
 )
 def test_a_slip_in_pbrts_files_is_caught(
-    slip: str, include: str, flags: list[str], entry: str, brown: cuticle.Sampler, tmp_path: Path
+    slip: str, include: str, flags: list[str], entry: str, brown_sampler: cuticle.Sampler, tmp_path: Path
 ) -> None:
-    pbrt_main(tmp_path, brown, include, entry)
+    pbrt_main(tmp_path, brown_sampler, include, entry)
     built = [compiler(), "-std=c++17", "-fsyntax-only", "-I.", *flags, "main.cpp"]
     assert subprocess.run(built, cwd=tmp_path, capture_output=True, check=False).returncode != 0, slip
 
 
-def test_pbrts_page_shows_the_lines_that_the_command_prints(brown: cuticle.Sampler) -> None:
+def test_pbrts_page_shows_the_lines_that_the_command_prints(brown_sampler: cuticle.Sampler) -> None:
     page = (ROOT / "examples/pbrt.md").read_text(encoding="utf-8")
-    assert exported(brown, "pbrt").remarks.split("\n\n", 1)[1].strip() in page
+    assert exported(brown_sampler, "pbrt").remarks.split("\n\n", 1)[1].strip() in page
 
 
-def test_cycles(brown: cuticle.Sampler, tmp_path: Path) -> None:
+def test_cycles(brown_sampler: cuticle.Sampler, tmp_path: Path) -> None:
     (tmp_path / "kernel/closure").mkdir(parents=True)
     (tmp_path / "kernel/util").mkdir()
     (tmp_path / "kernel/util/colorspace.h").write_text("")  # what the page takes of it is in the stand-in
-    (tmp_path / "kernel/closure/brown.h").write_text(exported(brown, "cpp", True).text)
+    (tmp_path / "kernel/closure/brown.h").write_text(exported(brown_sampler, "cpp", True).text)
     (tmp_path / "main.cpp").write_text(
         f'#include "{ROOT / "tests/hosts/cycles.h"}"\n{block("cycles.md", "cpp")}\n#include <cstdio>\n'
         "int main() {\n"
@@ -297,7 +292,7 @@ def test_cycles(brown: cuticle.Sampler, tmp_path: Path) -> None:
     if shutil.which("nm"):  # weak symbols would be shared between Cycles' kernels of several instruction sets
         assert not re.search(r" [VWu] .*5brown", run(["nm", "main"], tmp_path))
     got = np.array(run(["./main"], tmp_path).split(), float)
-    direction, p, f = expected(brown, got[:3], (0.3, 0.4, 0.6))
+    direction, p, f = expected(brown_sampler, got[:3], (0.3, 0.4, 0.6))
     np.testing.assert_allclose(got[3:6], direction, atol=1e-5)
     np.testing.assert_allclose(got[6:8], p, rtol=1e-4)
     np.testing.assert_allclose(got[8:11], 2 * f, rtol=0.03)  # the stand-in's rec709_to_rgb doubles
@@ -305,20 +300,20 @@ def test_cycles(brown: cuticle.Sampler, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("version", ["300 es", "460"])
-def test_glsl(brown: cuticle.Sampler, version: str, tmp_path: Path) -> None:
+def test_glsl(brown_sampler: cuticle.Sampler, version: str, tmp_path: Path) -> None:
     validator = shutil.which("glslangValidator")
     if validator is None:
         pytest.skip("glslangValidator is not installed (Debian: apt-get install glslang-tools)")
     head = f"#version {version}\nprecision highp float;\nlayout(location = 0) out vec4 color;\n"
-    made = exported(brown, "glsl", True).text
+    made = exported(brown_sampler, "glsl", True).text
     body = "\nvoid main() { Bounce b = scatter(vec3(0, 0, 1), vec3(1, 0, 0), vec3(.2, .3, .4), 0.);\n"
     body += "  color = vec4(b.throughput, b.pdf) + toward_light(vec3(0, 0, 1), b.direction, vec3(1, 0, 0), 2.); }\n"
     (tmp_path / "shader.frag").write_text(head + made + block("rtx.md", "glsl") + body)
     assert "ERROR" not in run([validator, str(tmp_path / "shader.frag")], tmp_path)
 
 
-def test_hlsl(brown: cuticle.Sampler, tmp_path: Path) -> None:
-    made = exported(brown, "hlsl", True).text
+def test_hlsl(brown_sampler: cuticle.Sampler, tmp_path: Path) -> None:
+    made = exported(brown_sampler, "hlsl", True).text
     main = "\nfloat4 main() : SV_Target {\n"
     main += "  Bounce b = scatter(float3(0, 0, 1), float3(1, 0, 0), float3(.2, .3, .4), 0.0);\n"
     main += "  float4 l = toward_light(float3(0, 0, 1), b.direction, float3(1, 0, 0), 2.0);\n"
@@ -326,11 +321,11 @@ def test_hlsl(brown: cuticle.Sampler, tmp_path: Path) -> None:
     spirv_of(made + block("rtx.md", "hlsl") + main, tmp_path)
 
 
-def test_cuda(brown: cuticle.Sampler, tmp_path: Path) -> None:
+def test_cuda(brown_sampler: cuticle.Sampler, tmp_path: Path) -> None:
     found = nvcc()
     if found is None:
         pytest.skip("no nvcc")
-    (tmp_path / "brown.cuh").write_text(exported(brown, "cuda", True).text)
+    (tmp_path / "brown.cuh").write_text(exported(brown_sampler, "cuda", True).text)
     kernel = "__global__ void f(float3 w, float3 u, float3 *o) { *o = scatter(w, u, 2.f).throughput; }\n"
     (tmp_path / "main.cu").write_text(block("rtx.md", "cuda") + kernel)
     run([found, "-std=c++17", "--Werror", "all-warnings", "-c", "main.cu", "-o", "main.o"], tmp_path)

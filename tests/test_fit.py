@@ -20,6 +20,7 @@ def test_document_fibre_with_four_lobes(document_fit: cuticle.Fit) -> None:
     assert document_fit.seconds > 0
 
 
+@pytest.mark.slow
 def test_document_fibre_with_eight_lobes(document_model: DualScattering) -> None:
     for _, mean, worst, beyond in fit(document_model, 8, strands=[0, 1, 2, 4, 8]).summary:
         assert mean >= 0.993
@@ -53,10 +54,15 @@ def test_between_nodes_smooth(sharp_fit: tuple[DualScattering, cuticle.Fit]) -> 
 
 @pytest.mark.parametrize(
     "fibre",
-    [Fibre.preset("marschner"), Fibre.preset("black"), Fibre(alpha_R=-3, beta_R=3, sigma_a=0.3, beta_N=2),
-     Fibre(alpha_R=-20, beta_R=6, sigma_a=0.5, beta_N=8), Fibre(alpha_R=-10, beta_R=30, sigma_a=1, beta_N=60)],
-    ids=["marschner", "black", "narrow", "tilted", "rough"],
-)  # fmt: skip
+    [
+        Fibre(alpha_R=-3, beta_R=3, sigma_a=0.3, beta_N=2),
+        Fibre(alpha_R=-20, beta_R=6, sigma_a=0.5, beta_N=8),
+        pytest.param(Fibre.preset("marschner"), marks=pytest.mark.slow),
+        pytest.param(Fibre.preset("black"), marks=pytest.mark.slow),
+        pytest.param(Fibre(alpha_R=-10, beta_R=30, sigma_a=1, beta_N=60), marks=pytest.mark.slow),
+    ],
+    ids=["narrow", "tilted", "marschner", "black", "rough"],
+)
 def test_other_fibres(fibre: Fibre) -> None:
     result = fit(DualScattering(fibre), 6, strands=[0, 2])
     for _, mean, worst, _ in result.summary:

@@ -249,7 +249,20 @@ def test_repeated_points_and_strands_of_no_length_are_left_out(tmp_path: Path, s
 
 
 def test_a_groom_with_a_strand_of_no_length_renders(data: Path, tmp_path: Path) -> None:
-    options = ("--integrator", "path", "--spp", "4", "--width", "48", "-o", "a.exr")
+    options = (
+        "--fibre",
+        "document",
+        "--sampling",
+        "uniform",
+        "--integrator",
+        "path",
+        "--spp",
+        "4",
+        "--width",
+        "48",
+        "-o",
+        "a.exr",
+    )
     done = run_program("render", str(data / "field" / "zero.hair"), *options, cwd=tmp_path)
     assert done.returncode == 0, done
     assert done.stderr.splitlines() == [f"cuticle: {data / 'field' / 'zero.hair'}: left out 1 strand of no length"]

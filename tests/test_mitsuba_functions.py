@@ -198,7 +198,8 @@ def test_a_spectrum_of_a_table_has_its_channels(folder: Path, use_variant: UseVa
     np.testing.assert_allclose(said.f[:, [0, 1, 3]], rgb.f[:, ::-1], rtol=1e-5)
 
 
-@pytest.mark.parametrize("integrator", [pytest.param("path", marks=pytest.mark.slow), "dual_scattering"])
+@pytest.mark.slow
+@pytest.mark.parametrize("integrator", ["path", "dual_scattering"])
 def test_a_measured_fibre_is_rendered(integrator: str, folder: Path, use_variant: UseVariant) -> None:
     """A table of Chiang's function and the function itself make the same picture, and light passes through strands."""
     mi = use_variant("scalar_rgb")

@@ -89,7 +89,7 @@ def test_parts_add_up(strands: float, formulation: str) -> None:
     assert (parts >= 0).all()
 
 
-@pytest.mark.parametrize("a_f", [0.5, 0.8, 0.9])
+@pytest.mark.parametrize("a_f", [0.5, 0.8, pytest.param(0.9, marks=pytest.mark.slow)])
 def test_exact_backscatter_agrees_with_a_walk_over_strands(a_f: float) -> None:
     a_b, alpha_f, alpha_b, beta_f, beta_b = 0.09, 0.03, -0.1, 0.12, 0.2
     energy, shift, deviation = _core.backscatter(a_f, a_b, alpha_f, alpha_b, beta_f, beta_b, True, 0.7)

@@ -27,7 +27,12 @@ if importlib.util.find_spec("mitsuba") is None:
 
 @pytest.mark.parametrize("variant", ["scalar_rgb", "scalar_spectral", "llvm_ad_rgb", "cuda_ad_rgb"])
 @pytest.mark.parametrize(
-    "roughness", [{}, {"alpha_R": -8.0, "beta_R": 12.0, "beta_N": 25.0}, {"beta_R": 4.0, "beta_N": 5.0}]
+    "roughness",
+    [
+        {},
+        {"alpha_R": -8.0, "beta_R": 12.0, "beta_N": 25.0},
+        pytest.param({"beta_R": 4.0, "beta_N": 5.0}, marks=pytest.mark.slow),
+    ],
 )
 def test_white_furnace(variant: str, roughness: dict[str, float], strand: Groom, use_variant: UseVariant) -> None:
     mi = use_variant(variant)
@@ -134,15 +139,21 @@ def test_pictures_are_written_whole(tmp_path: Path, use_variant: UseVariant) -> 
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.exr", "a.png"]
 
 
+SMALL = ("--spp", "4", "--width", "32", "--followers", "1")
+
+
 def test_command_line(tmp_path: Path) -> None:
-    small = ("--spp", "4", "--width", "32", "--followers", "1")
-    ran = run_program("render", "lock", "-o", "lock.exr", *small, "--json", cwd=tmp_path)
+    ran = run_program("render", "lock", "-o", "lock.exr", *SMALL, "--json", cwd=tmp_path)
     assert ran.returncode == 0, ran.stderr
     assert json.loads(ran.stdout)["strands"] == 2000
+
+
+@pytest.mark.slow
+def test_command_line_reads_a_sampler(tmp_path: Path) -> None:
     fit = cuticle.fit(cuticle.DualScattering(cuticle.Fibre.preset("brown")), 2, strands=[0, 2])
     fit.sampler.save(tmp_path / "brown.json")
     ran = run_program(
-        "render", "ball", "--fibre", "brown.json", "--integrator", "path", "-o", "ball.png", *small, cwd=tmp_path
+        "render", "ball", "--fibre", "brown.json", "--integrator", "path", "-o", "ball.png", *SMALL, cwd=tmp_path
     )
     assert ran.returncode == 0, ran.stderr
     assert "20,000 strands" in ran.stdout
@@ -220,6 +231,7 @@ def test_bad_command_lines_are_one_line(arguments: tuple[str, ...], message: str
     refused("render", *arguments, words=message, cwd=tmp_path)
 
 
+@pytest.mark.slow
 def test_the_example_runs(tmp_path: Path) -> None:
     example = Path(__file__).parents[1] / "examples" / "render_hair.py"
     ran = subprocess.run(

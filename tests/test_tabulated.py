@@ -69,22 +69,29 @@ def test_noise_and_holes_cost_a_sampler_next_to_nothing(clean: Values, own_fit: 
         assert ess > best - 0.01, np.degrees(theta_r)
 
 
-def test_noise_about_zero_is_averaged_out(clean: Values, own_fit: cuticle.Fit) -> None:
-    rng = np.random.default_rng(8)
+@pytest.mark.parametrize(
+    ("deviation", "loss", "energy"),  # of a viewer's largest f cos
+    [
+        pytest.param(0.01, 0.01, 0.05, marks=pytest.mark.slow),
+        (0.05, 0.05, 0.2),
+        pytest.param(0.15, 0.13, 0.4, marks=pytest.mark.slow),
+    ],
+)
+def test_noise_about_zero_is_averaged_out(
+    deviation: float, loss: float, energy: float, clean: Values, own_fit: cuticle.Fit
+) -> None:
     top = (clean[3] * np.cos(clean[1])[:, None, None])[:, 1:-1].max(axis=(1, 2, 3), keepdims=True)
-    exact = Tabulated(*clean).energy
-    for deviation, loss, energy in ((0.01, 0.01, 0.05), (0.05, 0.05, 0.2), (0.15, 0.13, 0.4)):  # of a viewer's largest f cos
-        f = clean[3] + deviation * top * rng.standard_normal(clean[3].shape)
-        with pytest.warns(UserWarning, match=r"are smoothed as noise of .* energy by up to \d+(\.\d+)? %"):
-            table = Tabulated(*clean[:3], f, smooth=True)
-        with pytest.raises(ValueError, match=r"got [0-9,]+ below 0, .* smooth=True averages out"):
-            Tabulated(*clean[:3], f)
-        assert (table.values >= 0).all()
-        np.testing.assert_allclose(table.energy, exact, rtol=energy)
-        fitted = cuticle.fit(table, 4)
-        for theta_r in np.radians([-60, 0, 30]):
-            ess, best = (cuticle.measure(s, BROWN, theta_r).ess for s in (fitted.sampler, own_fit.sampler))
-            assert ess > best - loss, (deviation, np.degrees(theta_r))
+    f = clean[3] + deviation * top * np.random.default_rng(8).standard_normal(clean[3].shape)
+    with pytest.warns(UserWarning, match=r"are smoothed as noise of .* energy by up to \d+(\.\d+)? %"):
+        table = Tabulated(*clean[:3], f, smooth=True)
+    with pytest.raises(ValueError, match=r"got [0-9,]+ below 0, .* smooth=True averages out"):
+        Tabulated(*clean[:3], f)
+    assert (table.values >= 0).all()
+    np.testing.assert_allclose(table.energy, Tabulated(*clean).energy, rtol=energy)
+    fitted = cuticle.fit(table, 4)
+    for theta_r in np.radians([-60, 0, 30]):
+        ess, best = (cuticle.measure(s, BROWN, theta_r).ess for s in (fitted.sampler, own_fit.sampler))
+        assert ess > best - loss, np.degrees(theta_r)
 
 
 def test_few_viewers_keep_their_highlight_between() -> None:

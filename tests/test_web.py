@@ -23,16 +23,11 @@ def model() -> cuticle.DualScattering:
 
 
 @pytest.fixture(scope="module")
-def sampler(model: cuticle.DualScattering) -> cuticle.Sampler:
-    return cuticle.fit(model, 4, strands=(0, 1, 2, 4, 8)).sampler
-
-
-@pytest.fixture(scope="module")
-def page(sampler: cuticle.Sampler, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def page(brown_sampler: cuticle.Sampler, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("web") / "brown.html"
     with pytest.MonkeyPatch.context() as patch:  # eight lobes take as long to fit as all others
         patch.setattr(web, "LOBES", (1, 2, 4))
-        path.write_text(export(sampler, "web", name="brown").text, encoding="utf-8")
+        path.write_text(export(brown_sampler, "web", name="brown").text, encoding="utf-8")
     assert path.stat().st_size < 1_000_000
     return path
 
@@ -85,7 +80,7 @@ def test_it_draws_within_a_second(opened: Any) -> None:
     assert picture.mean() < 0.4  # on the dark
 
 
-def test_its_density_and_its_function_are_pythons(opened: Any, model: Any, sampler: cuticle.Sampler) -> None:
+def test_its_density_and_its_function_are_pythons(opened: Any, model: Any, brown_sampler: cuticle.Sampler) -> None:
     for theta, n, lobes in ((25, 0, 4), (-70, 0.5, 4), (10, 3, 4), (85, 8, 4)):
         result = answer(opened, theta=theta, strands=n, lobes=lobes)
         size = opened.execute_script("return cuticle.SIZE")
@@ -94,13 +89,13 @@ def test_its_density_and_its_function_are_pythons(opened: Any, model: Any, sampl
         theta_i = ((np.arange(size) + 0.5) / size - 0.5) * np.pi
         phi = (np.arange(size) + 0.5) / size * np.pi
         theta_r = np.radians(theta)
-        expected = sampler.pdf(theta_i[:, None], theta_r, phi, n)
+        expected = brown_sampler.pdf(theta_i[:, None], theta_r, phi, n)
         np.testing.assert_allclose(p[..., 0], expected, rtol=1e-3, atol=1e-9)
         own = model.with_strands(n)
         scattered = own.eval(theta_i[:, None], theta_r, phi) * np.cos(theta_i)[:, None, None]
         # Thinned tables: within 1 % of the integral.
         assert np.abs(f[..., :3] - scattered).sum() <= 0.012 * scattered.sum()
-        assert abs(result["ess"] - cuticle.measure(sampler, own, theta_r, n).ess) <= 0.005
+        assert abs(result["ess"] - cuticle.measure(brown_sampler, own, theta_r, n).ess) <= 0.005
         assert abs(result["integral"] - 1) <= 2e-3
 
 
@@ -193,7 +188,8 @@ def test_without_webgl_it_says_so(browser: Any, page: Path, tmp_path: Path) -> N
     assert "needs WebGL 2" in browser.execute_script("return document.getElementById('fail').textContent")
 
 
-def test_an_escaped_name_and_an_unknown_fibre(sampler: cuticle.Sampler) -> None:
-    unknown = cuticle.Sampler(sampler.nodes, sampler.energy, sampler.strands, sampler.even)
+def test_an_escaped_name_and_an_unknown_fibre(brown_sampler: cuticle.Sampler) -> None:
+    s = brown_sampler
+    unknown = cuticle.Sampler(s.nodes, s.energy, s.strands, s.even)
     with pytest.raises(ValueError, match="does not say which scattering function"):
         export(unknown, "web")

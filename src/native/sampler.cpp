@@ -1,8 +1,7 @@
-// The samplers' tables of every family, what a call takes, and what is done to arrays of samples.
+// The samplers' tables of every family, and what is done to arrays of samples.
 #include "arrays.h"
 #include "bindings.h"
 #include "families.h"
-#include "timing.h"
 
 #include <algorithm>
 #include <cmath>
@@ -13,20 +12,9 @@
 
 namespace native {
 
-template <class Family> void bind_tables(nb::module_ &m, const std::string &ending);  // tables.h
+template <class Float, class Family> void bind_tables(nb::module_ &m, const std::string &ending);  // tables.h
 
 namespace {
-
-// The calibration kernel: 16 independent expf calls on varying inputs. benchmarks/bench.cpp has its own: shared through a
-// function its loop compiles otherwise, and the yardstick of every figure told would move by 5 %.
-double kernel_cost(const In<float> &x) {
-    const std::size_t count = x.size() - 16;
-    return nanoseconds(count, [&](std::size_t i) {
-        float sum = 0;
-        for (std::size_t k = 0; k < 16; ++k) sum += std::exp(x.data()[i + k] - x.data()[i]);
-        return sum;
-    });
-}
 
 // The first value outside [lo, hi] (a NaN is), or -1. Half-open on the right if asked.
 template <class Float> long first_outside(const In<Float> &x, double lo, double hi, bool open) {
@@ -90,11 +78,12 @@ long histogram(const In<Float> &theta, const In<Float> &phi, const In<double> &t
 void bind_sampler(nb::module_ &m) {
     nb::list names;
     each_family([&](const char *name, auto family) {
-        bind_tables<decltype(family)>(m, nb::len(names) ? std::string("_") + name : std::string());  // Table4f_logistic
+        const std::string ending = nb::len(names) ? std::string("_") + name : std::string();  // Table4f_logistic
+        bind_tables<float, decltype(family)>(m, ending);
+        bind_tables<double, decltype(family)>(m, ending);
         names.append(name);
     });
     m.attr("lobe_families") = nb::tuple(names);
-    m.def("kernel_cost", &kernel_cost, nb::call_guard<nb::gil_scoped_release>());
     m.def("histogram", &histogram<float>, nb::arg().noconvert(), nb::arg().noconvert(), nb::arg(), nb::arg(), nb::arg(),
           nb::call_guard<nb::gil_scoped_release>());
     m.def("histogram", &histogram<double>, nb::arg().noconvert(), nb::arg().noconvert(), nb::arg(), nb::arg(), nb::arg(),

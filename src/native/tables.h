@@ -3,7 +3,6 @@
 
 #include "arrays.h"
 #include "cuticle/sampler/batch.h"
-#include "timing.h"
 
 #include <algorithm>
 #include <string>
@@ -108,16 +107,6 @@ template <class Float, int K, class Family> struct Table {
         });
     }
 
-    // Nanoseconds a sample with its pdf takes, on this thread: theta_r, u as in sample, one number of strands.
-    double sample_cost(const In<Float> &theta_r, const In<Float> &u, Float n) const {
-        const std::size_t count = theta_r.size();
-        return nanoseconds(count, [&](std::size_t i) {
-            const Float *r = u.data() + 3 * i;
-            const auto s = cuticle::sample(view, theta_r.data()[i], r[0], r[1], r[2], n);
-            return s.theta_i + s.phi + s.pdf;
-        });
-    }
-
     // One lobe's cdf or its inverse; `second` asks for the lobes of the other row between 0 and 1 strands.
     void lobe(int coordinate, bool inverse, int k, bool second, const In<Float> &x, const In<Float> &theta_r,
               const In<Float> &n, Out<Float> out) const {
@@ -154,24 +143,19 @@ template <class Float, int K, class Family> void bind(nb::module_ &m, const std:
     table.def(nb::init<const In<double> &, const In<double> &, const In<double> &, bool>())
         .def("pdf", &T::pdf, release())
         .def("sample", &T::sample, release());
-    if constexpr (std::is_same_v<Float, float>) table.def("sample_cost", &T::sample_cost, release());
-    else table.def("lobe", &T::lobe, release()).def("mixture", &T::mixture, release());
+    if constexpr (!std::is_same_v<Float, float>)
+        table.def("lobe", &T::lobe, release()).def("mixture", &T::mixture, release());
 }
 
-template <class Float, class Family> void bind_sizes(nb::module_ &m, const std::string &ending) {
-    bind<Float, 1, Family>(m, ending);
-    bind<Float, 2, Family>(m, ending);
-    bind<Float, 4, Family>(m, ending);
-    bind<Float, 8, Family>(m, ending);
-    bind<Float, 16, Family>(m, ending);
-    bind<Float, 32, Family>(m, ending);
-}
-
-// Table4f, Table4d, … with an ending for a family that is not the first. Each family is compiled by itself (CMakeLists.txt):
-// they are most of what there is.
-template <class Family> void bind_tables(nb::module_ &m, const std::string &ending) {
-    bind_sizes<float, Family>(m, "f" + ending);
-    bind_sizes<double, Family>(m, "d" + ending);
+// Table4f, Table4d, … with an ending for a family that is not the first.
+template <class Float, class Family> void bind_tables(nb::module_ &m, const std::string &ending) {
+    const std::string whole = (std::is_same_v<Float, float> ? "f" : "d") + ending;
+    bind<Float, 1, Family>(m, whole);
+    bind<Float, 2, Family>(m, whole);
+    bind<Float, 4, Family>(m, whole);
+    bind<Float, 8, Family>(m, whole);
+    bind<Float, 16, Family>(m, whole);
+    bind<Float, 32, Family>(m, whole);
 }
 
 }  // namespace native

@@ -22,7 +22,7 @@ from cuticle.draft.printed import Printed
 from cuticle.draft.tables import VIEWERS, highlight_axis, table_1, table_2, table_3
 from cuticle.fitting.fit import fit
 from cuticle.fitting.result import Fit
-from cuticle.sampling.combining import combine, mixed_ess
+from cuticle.sampling.combining import combine, mixed_ess_of
 from cuticle.sampling.quality import UniformSphere, measure
 from cuticle.scattering.among_strands import Strands
 from cuticle.scattering.bcsdf import Bcsdf
@@ -193,10 +193,10 @@ def _quality(model: DualScattering | Strands, fits: dict[str, Fit]) -> dict[str,
 
 def _mixing(model: DualScattering | Strands, lobes: Fit, strands: float | None) -> Mixing:
     others = [model.with_strands(n) for n in ([strands] if strands is not None else COUNTS[1:])]
-    table, best = [], []
     combined = [combine(lobes.sampler, lobes.sampler, w, strands=strands) for w in WEIGHTS]
+    table, best = [], []
     for share in SHARES:
-        cells = [[mixed_ess(c, model, others, share, float(t)) for t in _MIX_VIEWERS] for c in combined]  # type: ignore[arg-type]
-        table.append(tuple(float(np.mean([ess for ess, _ in row])) for row in cells))
-        best.append(float(np.mean([limit for _, limit in cells[0]])))
+        cells = [mixed_ess_of(combined, model, others, share, float(t)) for t in _MIX_VIEWERS]  # type: ignore[arg-type]
+        table.append(tuple(np.mean([ess for ess, _ in cells], axis=0).tolist()))
+        best.append(float(np.mean([limit for _, limit in cells])))
     return Mixing(strands, SHARES, WEIGHTS, tuple(table), tuple(best))

@@ -52,17 +52,16 @@ def _tables(fibre: Fibre | Chiang, ranged: bool) -> _Tables:
     high = min(max(positive) * _REACH, 500.0)
     low = max(min(positive) / _REACH, high / _RATIO ** (31 - len(own)))
     with_others = isinstance(fibre, Fibre) and among_others(fibre) is not None
-    while True:
-        steps = math.ceil(math.log(high / low, _RATIO)) + 1
-        absorption = (*own, *(low * _RATIO**k for k in range(max(steps, 2))))
-        if isinstance(fibre, Chiang):
-            return _Tables(absorption, low, None, fibre.with_absorption(absorption))
-        wide = fibre.replace(sigma_a=absorption)
-        model = among_others(wide) if with_others else None
-        if model is not None or not with_others:
-            return _Tables(absorption, low, model, alone(wide))
-        # As printed, little absorption leaves multiple scattering without a sum: the range begins above that.
-        low *= _RATIO
+    # As printed, little absorption leaves multiple scattering without a sum: the range begins above that. One column tells.
+    if isinstance(fibre, Fibre) and with_others:
+        while among_others(fibre.replace(sigma_a=low)) is None:
+            low *= _RATIO
+    steps = math.ceil(math.log(high / low, _RATIO)) + 1
+    absorption = (*own, *(low * _RATIO**k for k in range(max(steps, 2))))
+    if isinstance(fibre, Chiang):
+        return _Tables(absorption, low, None, fibre.with_absorption(absorption))
+    wide = fibre.replace(sigma_a=absorption)
+    return _Tables(absorption, low, among_others(wide) if with_others else None, alone(wide))
 
 
 def build(material: Material, *, scale: Any = None, sigma_a: Any = None, scene: Mapping[str, Any] | None = None) -> Any:

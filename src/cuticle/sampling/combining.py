@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -120,6 +121,14 @@ def mixed_ess(
     theta_r
         Radians.
     """
+    (ess,), best = mixed_ess_of([sampler], direct, multiple, share, theta_r)
+    return ess, best
+
+
+def mixed_ess_of(
+    samplers: Sequence[Density], direct: Bcsdf, multiple: Bcsdf | list[Bcsdf], share: float, theta_r: float
+) -> tuple[list[float], float]:
+    """Return the same for several samplers: the functions, most of the work, are evaluated once."""
     share = validate.number("share", share, 0, 1)
     models = multiple if isinstance(multiple, list) else [multiple]
     even = all(is_even(m) for m in (direct, *models))
@@ -133,7 +142,7 @@ def mixed_ess(
     g = grid(*edges, _ORDER)
     solid_angle = g.weights * np.cos(g.theta)[:, None] * (2 if even else 1)
     mean, square = squares(g)
-    p = sampler.pdf(g.theta[:, None], theta_r, g.phi[None, :])
     energy = float((solid_angle * mean).sum())
-    second = float((solid_angle * square / np.maximum(p, 1e-30)).sum())
-    return energy**2 / second, energy**2 / float((solid_angle * np.sqrt(square)).sum()) ** 2
+    densities = (s.pdf(g.theta[:, None], theta_r, g.phi[None, :]) for s in samplers)
+    ess = [energy**2 / float((solid_angle * square / np.maximum(p, 1e-30)).sum()) for p in densities]
+    return ess, energy**2 / float((solid_angle * np.sqrt(square)).sum()) ** 2
