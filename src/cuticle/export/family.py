@@ -26,7 +26,7 @@ FAMILY_HOSTS = ("cpp", "cuda", "glsl", "hlsl", "pbrt")
 _DIALECTS = {"glsl": GLSL, "hlsl": HLSL}
 _ABOUT = {
     "chiang": "Chiang et al. 2016, far field: beta_m and beta_n from 0.05 to 1, alpha in radians, positive toward the root.",
-    "marschner": "Marschner 2003 with d'Eon's energy-conserving M: alpha and beta of R, TT and TRT in theta_h, beta_n, radians.",
+    "marschner": "Marschner 2003 with d'Eon's energy-conserving M: alpha, beta of R, TT, TRT in theta_h, beta_n; radians.",
 }
 
 
@@ -88,7 +88,7 @@ def _shader(form: str, dialect: Dialect, frame: Frame, name: str) -> Export:
 
 
 def _cells(r: int, tt: int) -> NDArray[np.float32]:
-    """Cells of R: gamma at their edges, cosine at their middles, width; of TT: gamma, sine at edges, sine, cosine at middles."""
+    """Cells of R: gamma at edges, cosine at middles, width; of TT: gamma, sine at edges, sine, cosine at middles."""
     dense, even = np.empty((r + 1, 5)), np.empty((tt + 1, 5))
     _core.cell_geometry(True, dense)
     _core.cell_geometry(False, even)
