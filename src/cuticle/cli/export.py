@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from cuticle._support import validate
-from cuticle._support.files import check_file, make_directory, read_text, write_bytes
+from cuticle._support.files import check_directory, check_file, make_directory, read_text, write_bytes
 from cuticle.cli.terminal import STANDARD_OUTPUT, check_output, err, out, progress_bar, refuse_idle, write_output
 from cuticle.export import HOSTS, MAX_TABLE, amalgamate, check_frame, check_name, export
 from cuticle.export.frames import DEFAULT_FRAME, FRAMES
@@ -54,9 +54,11 @@ def command(
         raise ValueError("give a sampler with --to HOST, or --amalgamate without a sampler")
     if amalgamated:
         refuse_idle(ctx, "with --amalgamate, which writes the headers alone", "to", "frame", "name", "with_model", "model")
-    if to == "pbrt" and output.suffix != ".h":  # the folder, such as src/pbrt
-        output = make_directory(output) / f"{name or 'fibre'}.h"
-    check_output(output)
+    folder = to == "pbrt" and output.suffix != ".h"  # such as src/pbrt; made when there is something to write
+    if folder:
+        output = check_directory(output) / f"{'fibre' if name is None else check_name(name, to)}.h"
+    if not folder or output.parent.is_dir():
+        check_output(output)
     tell = err if output == STANDARD_OUTPUT else out
     if amalgamated or sampler is None:
         write_output(output, amalgamate())
@@ -92,6 +94,8 @@ def command(
     with progress_bar() as progress:
         function = None if model is None else model_of(loaded, model, progress=progress)
         made = export(loaded, to, frame=frame, name=name, with_model=with_model, model=function, progress=progress)
+    if folder:
+        make_directory(output.parent)
     if made.data:
         write_bytes(values, made.data)
     try:
