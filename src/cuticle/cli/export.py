@@ -56,7 +56,7 @@ def command(
         refuse_idle(ctx, "with --amalgamate, which writes the headers alone", "to", "frame", "name", "with_model", "model")
     folder = to == "pbrt" and output.suffix != ".h"  # such as src/pbrt; made when there is something to write
     if folder:
-        output = check_directory(output) / f"{'fibre' if name is None else check_name(name, to)}.h"
+        output = check_directory(output) / f"{'fibre' if name is None else check_name(name, 'pbrt')}.h"
     if not folder or output.parent.is_dir():
         check_output(output)
     tell = err if output == STANDARD_OUTPUT else out
