@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import importlib
 import itertools
 import json
 import os
+import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -81,6 +83,17 @@ def test_help() -> None:
         done = run(*arguments)
         assert done.returncode == 0
         assert "Usage" in done.stdout
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_prints_each_text_as_it_is_written(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rich takes [words] for its markup, and leaves them out."""
+    monkeypatch.setenv("COLUMNS", "400")
+    group = load(name)
+    for path, command in [((name,), group), *(((name, k), c) for k, c in getattr(group, "commands", {}).items())]:
+        printed = " ".join(re.sub("[│╭╮╰╯─]", " ", run(*path, "--help").stdout).split())
+        for parameter in command.params:
+            assert " ".join((parameter.help or "").split()) in printed
 
 
 def test_the_program_starts_and_ends_as_its_function_does(tmp_path: Path) -> None:
@@ -303,6 +316,25 @@ def test_long_work_says_about_how_long(monkeypatch: pytest.MonkeyPatch, capsys: 
     with terminal.progress_bar(quiet=True) as progress:
         expect(progress, 160)
     assert capsys.readouterr().err == ""
+
+
+def test_a_comparison_in_a_traced_variant_says_how_long_it_takes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A first pass of 5 s, which compiles, and a second of 4 s for 8 samples: 128 s for 256, and six times 5 + 3 s."""
+    pytest.importorskip("mitsuba")
+    compare = importlib.import_module("cuticle.render.compare")
+    clock = [SimpleNamespace(seconds=s) for s in (5.0, 9.0)]
+    for name, result in (("load_scene", None), ("bsdf", {}), ("expected_seconds", None), ("passes", clock)):
+        monkeypatch.setattr(compare, name, lambda *_, result=result, **__: result)
+    monkeypatch.setattr(compare, "render", lambda *_, **__: pytest.fail("it renders before it says how long that takes"))
+    told: list[float] = []
+
+    def stop(seconds: float) -> None:
+        told.append(seconds)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        compare.compare_samplings(None, "brown", seconds=3, reference_spp=256, progress=SimpleNamespace(expect=stop))
+    assert told == [128 + 6 * (5 + 3)]
 
 
 def test_a_page_says_which_lobes_it_fits_and_how_long_that_takes(

@@ -56,6 +56,12 @@ def pixels(shape: tuple[int, ...]) -> bytes:
     return npy(f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}")
 
 
+def scattered() -> bytes:
+    """Measurements in random directions, a row each."""
+    rows = np.random.default_rng(1).uniform(-1, 1, (3000, 4))
+    return b"theta_r,theta_i,phi,f\n" + b"".join(b"%g,%g,%g,%g\n" % tuple(row) for row in rows)
+
+
 def dump_without_channels() -> bytes:
     buffer = io.BytesIO()
     np.savez(buffer, direction=np.tile([0.0, 1, 0], (6000, 1)), pdf=np.ones(6000), weight=np.ones((6000, 0)))
@@ -76,6 +82,9 @@ def dump_without_channels() -> bytes:
         ("fit", "i.toml", b"[fibre]\neta = 1" + b"0" * 4000, "too large"),
         ("fit", "j.toml", b"[fibre]\neta = 1" + b"0" * 5000, "cannot read"),
         ("fit", "k.toml", b"[fibre]\neta = " + b"[" * 5000, "nested too deeply"),
+        ("fit", "k2.toml", b"a." * 100_000 + b"b = 1", "over 30 parts"),  # hours in Python's reader
+        ("fit", "k3.toml", b"[" + b"'a' . " * 100_000 + b"b]", "over 30 parts"),
+        ("fit", "scattered.csv", scattered(), "must form one grid"),  # 3,000^3 cells
         ("check", "l.json", b"[" * 100_000, "nested too deeply"),
         ("check", "m.json", sampler(version=10**4000), "version"),
         ("check", "n.json", b'{"format": "cuticle-sampler", "version": 1' + b"0" * 5000 + b"}", "n.json"),

@@ -14,7 +14,7 @@ import pytest
 
 import cuticle
 from command import refused, run
-from cuticle.export import FRAMES, MAX_TABLE, export, export_family
+from cuticle.export import FRAMES, MAX_TABLE, check_name, export, export_family
 from cuticle.export.headers import amalgamate, cmake_dir, include_dir
 from cuticle.export.literals import single, wrapped
 from cuticle.export.registry import Job, host
@@ -250,7 +250,9 @@ def test_the_command_writes_what_it_says(folder: Path) -> None:
         (["sampler.json", "--to", "glsl", "--name", "a_", "-o", "x.h"], "not end in an underscore"),
         (["sampler.json", "--to", "cpp", "--name", "int", "-o", "x.h"], "a word that cpp keeps for itself, got 'int'"),
         (["sampler.json", "--to", "cpp", "--name", "exp", "-o", "x.h"], "a word that cpp keeps for itself"),
+        (["sampler.json", "--to", "cpp", "--name", "M_PI", "-o", "x.h"], "not begin with M_, which cpp keeps"),
         (["sampler.json", "--to", "cuda", "--name", "threadIdx", "-o", "x.h"], "a word that cuda keeps for itself"),
+        (["sampler.json", "--to", "pbrt", "--name", "hair", "-o", "x"], "a word that pbrt keeps for itself, got 'hair'"),
         (["sampler.json", "--to", "glsl", "--name", "gl_x", "-o", "x.glsl"], "not begin with gl_, which glsl keeps"),
         (["sampler.json", "--to", "glsl", "--name", "sampler2D", "-o", "x.glsl"], "a word that glsl keeps"),
         (["sampler.json", "--to", "hlsl", "--name", "float4", "-o", "x.hlsl"], "a word that hlsl keeps"),
@@ -282,6 +284,24 @@ def test_a_family_is_written_by_the_command(folder: Path) -> None:
     written = (folder / "any.glsl").read_text()
     assert written == export_family("marschner", "glsl", frame="mitsuba", name="any").text
     assert "the strand along y" in written
+
+
+@pytest.mark.parametrize("compiler", ["g++", "clang++"])
+def test_a_name_is_no_macro_of_the_headers_that_an_export_includes(
+    compiler: str, document_fit: cuticle.Fit, tmp_path: Path
+) -> None:
+    if not shutil.which(compiler):
+        pytest.skip(f"{compiler} is not installed")
+    text = export(document_fit.sampler, "cpp", name="strand").text
+    source = tmp_path / "a.cpp"
+    source.write_text("".join(line + "\n" for line in text.splitlines() if line.startswith("#include")))
+    command = [compiler, "-std=gnu++20", "-dM", "-E", str(source)]
+    found = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    macros = {re.split(r"[ (]", line)[1] for line in found.splitlines()}
+    assert {"M_PI", "INT32_MAX"} < macros
+    for name in macros:
+        with pytest.raises(ValueError, match="name must"):
+            check_name(name, "cpp")
 
 
 # The headers where pip and CMake put them.

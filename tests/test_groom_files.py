@@ -281,6 +281,11 @@ def test_a_lying_file_is_refused(
         ({"points": [[0.0, 0, 0]]}, r"points of shape \(1, 3\) need counts or offsets"),
         ({"points": np.zeros((2, 4, 2))}, r"got \(2, 4, 2\)"),
         ({"points": np.zeros((4, 3)), "counts": [2, 3]}, "the 4 points that it holds, they have 5"),
+        ({"points": np.zeros((4, 3)), "counts": [5, -1]}, "the 4 points that it holds, they have 4, 5 for one strand"),
+        # sums and differences that wrap round to 4 in 64 bits
+        ({"points": np.zeros((4, 3)), "counts": [2**62] * 4 + [4]}, "they have 18446744073709551620"),
+        ({"points": np.zeros((4, 3)), "offsets": [0, 2**62, -(2**63), -(2**62), 4]}, "4611686018427387908 for one strand"),
+        ({"points": np.zeros((4, 3)), "offsets": [3, 5, 7]}, "offsets must begin at 0, got"),
         ({"points": np.zeros((4, 3)), "counts": [2.5, 1.5]}, "counts must be whole numbers, got an array of float64"),
         ({"points": np.zeros((4, 3), complex), "counts": [4]}, "points must be numbers, got an array of complex128"),
         ({"points": np.arange(12.0).reshape(4, 3), "counts": [4], "radius": [1, 2]}, "radius must have 4 values"),

@@ -373,6 +373,39 @@ def test_a_sampler_file_is_what_is_drawn_from(tmp_path: Path, use_variant: UseVa
     assert str(mi.load_string(text)) == str(bsdf)
 
 
+@pytest.mark.parametrize("parameters", [{"fibre": "brown"}, {**NEAR}], ids=["far", "near"])
+def test_no_direction_and_no_strand_gives_a_nan(parameters: dict[str, Any], use_variant: UseVariant, tmp_path: Path) -> None:
+    """Any bits as directions and random numbers, and a strand padded by its tip, whose segments have no frame.
+
+    Where Mitsuba's `hair` gives 0, as here, one NaN would spoil a pixel.
+    """
+    mi = use_variant("scalar_rgb")
+    bsdf, context, rng = mi.load_dict({"type": "cuticle", **parameters}), mi.BSDFContext(), np.random.default_rng(1)
+    odd = np.array([np.nan, np.inf, -np.inf, 0, -0.0, 1e38, 1e-45, 1, -1])
+    for _ in range(500):
+        wi, wo, u = (rng.choice(odd, 3) if rng.random() < 0.5 else rng.normal(size=3) for _ in range(3))
+        si = mi.SurfaceInteraction3f()
+        si.wi = mi.Vector3f(*wi)
+        value, pdf = bsdf.eval_pdf(context, si, mi.Vector3f(*wo))
+        sample, weight = bsdf.sample(context, si, u[0], mi.Point2f(*u[1:]))
+        found = np.array([*value, pdf, *sample.wo, sample.pdf, *weight])
+        assert np.isfinite(found).all(), (wi, wo, u)
+        if not np.isfinite([*wi, *wo]).all():
+            assert found[:4].tolist() == [0, 0, 0, 0]
+
+    np.savetxt(tmp_path / "point.txt", np.tile([0, 0, 0, 0.3], (6, 1)))
+    scene = {
+        "type": "scene", "integrator": {"type": "path"}, "light": {"type": "constant"},
+        "hair": {"type": "bsplinecurve", "filename": str(tmp_path / "point.txt"), "bsdf": bsdf},
+        "sensor": {
+            "type": "perspective", "to_world": mi.ScalarTransform4f().look_at([0, 0, 4], [0, 0, 0], [0, 1, 0]),
+            "film": {"type": "hdrfilm", "width": 16, "height": 16, "rfilter": {"type": "box"}},
+        },
+    }  # fmt: skip
+    image = np.array(mi.render(mi.load_dict(scene), spp=64))
+    assert np.isfinite(image).all()
+
+
 def test_says_what_it_holds(use_variant: UseVariant) -> None:
     mi = use_variant("scalar_rgb")
     text = str(mi.load_string('<bsdf version="3.0.0" type="cuticle"><string name="fibre" value="blond"/></bsdf>'))

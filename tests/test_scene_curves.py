@@ -201,6 +201,13 @@ def test_a_wrong_usd_is_refused(body: str, words: str, tmp_path: Path, here: Non
 # Alembic
 
 
+def test_what_a_stage_refers_to_and_is_missing_is_told(tmp_path: Path, here: None) -> None:
+    text = f'{HEAD}def "far" (references = @missing.usda@) {{}}\ndef BasisCurves "near" {{ {LINE} }}\n'
+    (tmp_path / "a.usda").write_text(text)
+    with pytest.warns(UserWarning, match="left out 1 what USD cannot find: .*missing.usda"):
+        assert read_groom(tmp_path / "a.usda").strands == 1
+
+
 @pytest.fixture
 def archive(tmp_path: Path) -> Callable[..., Path]:
     """An archive with one object of curves below a transform, written by Alembic's own library."""

@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import cuticle
@@ -150,6 +151,38 @@ def test_ctrl_c_leaves_nothing(
     done = run(*(str(saved) if a == "SAVED" else a for a in arguments), cwd=tmp_path)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "cuticle: stopped\n")
     assert not list(tmp_path.iterdir())
+
+
+@posix
+@pytest.mark.parametrize(
+    ("shell", "code", "words"),
+    [
+        ("exec {cuticle} fibres >&-", 0, ""),
+        ("exec {cuticle} fibres 2>&-", 0, ""),
+        ("exec {cuticle} check none.json >&- 2>&-", 2, ""),
+        ("exec {cuticle} check none.json 2>/dev/full", 2, ""),
+        ("exec {cuticle} fibres >/dev/full", 2, "cuticle: [Errno 28] No space left on device: 'standard output'\n"),
+        ("export PYTHONIOENCODING=ascii; exec {cuticle} fibres", 0, ""),
+        # the exit code is that of the work, though `head` has seen enough
+        ("set -o pipefail; {cuticle} audit bad.npz | head -c 1 >/dev/null", 1, ""),
+        # Ctrl-C of a script is not for its jobs in the background
+        ("trap '' INT; (sleep .4; kill -INT $$) & exec {cuticle} audit bad.npz", 1, ""),
+    ],
+)
+def test_streams_and_signals_as_a_shell_gives_them(shell: str, code: int, words: str, tmp_path: Path) -> None:
+    if "/dev/full" in shell and not Path("/dev/full").exists():
+        pytest.skip("this system has no /dev/full")
+    drawn = np.random.default_rng(1).normal(size=(6000, 3))
+    np.savez(tmp_path / "bad.npz", direction=drawn, pdf=1 + (drawn[:, 2] > 0))  # no audit passes it
+    command = shell.format(cuticle=f"{sys.executable} -m cuticle")
+    done = subprocess.run(["bash", "-c", command], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
+    assert (done.returncode, done.stderr) == (code, words)
+
+
+def test_ctrl_c_before_the_package_is_imported() -> None:
+    code = "import cuticle_command, os, signal; assert 'cuticle' not in __import__('sys').modules; os.kill(os.getpid(), 2)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (130, "cuticle: stopped\n")
 
 
 @posix

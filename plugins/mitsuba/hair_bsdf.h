@@ -38,12 +38,12 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
         const Angles r = angles(si.wi);
         const auto [theta_i, phi, pdf] = draw(ctx, si, r, sample1, sample2, active);
         const auto d = cuticle::to_direction(theta_i, Float(r.phi + phi));
-        bs.wo = {d.y, d.x, d.z};
-        bs.pdf = pdf;
+        active &= known(si.wi) && pdf > 0.f;
+        bs.wo = dr::select(active, Vector3f(d.y, d.x, d.z), 0.f);
+        bs.pdf = dr::select(active, pdf, 0.f);
         bs.eta = 1.f;
         bs.sampled_type = +BSDFFlags::Glossy;
         bs.sampled_component = 0;
-        active &= bs.pdf > 0.f;
         if (cuticle_mitsuba::direction_only(ctx)) return {bs, 0.f};
         const UnpolarizedSpectrum value = scattered(ctx, si, theta_i, r, phi, active);
         return {bs, depolarizer<Spectrum>(dr::select(active, value / bs.pdf, 0.f))};
@@ -52,6 +52,7 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
     Spectrum eval(const BSDFContext &ctx, const SurfaceInteraction3f &si, const Vector3f &wo, Mask active) const override {
         MI_MASKED_FUNCTION(ProfilerPhase::BSDFEvaluate, active);
         if (unlikely(dr::none_or<false>(active) || !ctx.is_enabled(BSDFFlags::Glossy))) return 0.f;
+        active &= known(si.wi) && known(wo);
         const Angles r = angles(si.wi), i = angles(wo);
         return depolarizer<Spectrum>(scattered(ctx, si, i.theta, r, i.phi - r.phi, active)) & active;
     }
@@ -59,6 +60,7 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
     Float pdf(const BSDFContext &ctx, const SurfaceInteraction3f &si, const Vector3f &wo, Mask active) const override {
         MI_MASKED_FUNCTION(ProfilerPhase::BSDFEvaluate, active);
         if (unlikely(dr::none_or<false>(active) || !ctx.is_enabled(BSDFFlags::Glossy))) return 0.f;
+        active &= known(si.wi) && known(wo);
         const Angles r = angles(si.wi), i = angles(wo);
         return dr::select(active, density(ctx, si, i.theta, r, i.phi - r.phi, active), 0.f);
     }
@@ -67,6 +69,7 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
                                         Mask active) const override {
         MI_MASKED_FUNCTION(ProfilerPhase::BSDFEvaluate, active);
         if (unlikely(dr::none_or<false>(active) || !ctx.is_enabled(BSDFFlags::Glossy))) return {0.f, 0.f};
+        active &= known(si.wi) && known(wo);
         const Angles r = angles(si.wi), i = angles(wo);
         const Float phi = i.phi - r.phi;
         return {depolarizer<Spectrum>(scattered(ctx, si, i.theta, r, phi, active)) & active,
@@ -184,6 +187,10 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
     std::string m_about;
 
   private:
+    // Whether a direction has angles. A curve's segment of no length has no frame: directions there are NaN, and it
+    // scatters nothing.
+    static Mask known(const Vector3f &w) { return dr::isfinite(dr::squared_norm(w)); }
+
     static Angles angles(const Vector3f &w) {
         const cuticle::Direction<Float> d{w.y(), w.x(), w.z()};
         return {cuticle::theta_of(d), cuticle::phi_of(d)};

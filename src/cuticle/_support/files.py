@@ -24,6 +24,8 @@ LARGEST = 2 * 10**9  # bytes that a file may ask for
 _TEXT_GROWS = 10  # how many times its own bytes a text takes once it is numbers: 32 for each, and some characters
 _CHUNK = 1 << 20
 _LONGEST = 400  # characters of a message: it may quote the file
+_PARTS = 30  # of a TOML key, with dots between: Python's reader takes the square of their number
+_MANY_PARTS = re.compile(rf"(?:\.[^.,=#\n]+){{{_PARTS}}}")
 _unlimited = ContextVar("_unlimited", default=False)
 
 
@@ -180,6 +182,8 @@ def _is_standard_output(found: os.stat_result) -> bool:
 def read_toml(text: str, make: Mapping[str, Callable[[dict[str, Any]], T]], *, source: str, remedy: str) -> T:
     """Return what is made of the one table that TOML text holds, by its name; `source` names it in errors."""
     with reading(source, "TOML"):
+        if _MANY_PARTS.search(text):
+            raise ValueError(f"a key has over {_PARTS} parts with dots between; this table's keys have one")
         try:
             document = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
@@ -233,9 +237,10 @@ def check_directory(path: str | os.PathLike[str]) -> Path:
         raise ValueError(
             "cannot write several files to standard output: give -o DIR; `-` is for commands that write one text"
         )
-    there = next(p for p in (target, *target.parents) if p.exists())
+    there = next(p for p in (target, *target.parents) if p.exists() or p.is_symlink())
     if not there.is_dir():
-        raise ValueError(f"cannot write to {target}: {there} is a file: Not a directory")
+        kind = "file" if there.exists() else "link to nothing"
+        raise ValueError(f"cannot write to {target}: {there} is a {kind}: Not a directory")
     _check_writable(there, target)
     return target
 

@@ -25,7 +25,9 @@ def parse(text: str, schema: type[M], *, what: str, version: int, source: str) -
     except ValueError as error:
         raise ValueError(f"{source} is refused: {error}") from None
     if not isinstance(data, dict) or data.get("format") != f"cuticle-{what}":
-        raise ValueError(f'{source} is not a {what}: its "format" is not "cuticle-{what}"')
+        raise ValueError(
+            f'{source} is not a {what}: its "format" is not "cuticle-{what}"; {what.capitalize()}.save writes one'
+        )
     found = data.get("version")
     if not isinstance(found, int) or isinstance(found, bool) or found < 1:
         raise ValueError(f"{source} is refused: its version is {found!r}, not a whole number from 1 on")

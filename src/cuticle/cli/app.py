@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import io
 import json
 import os
 import re
@@ -162,6 +163,7 @@ _UsageError: Any = next(c for c in typer.BadParameter.__mro__ if c.__name__ == "
 def main() -> None:
     """Run the command line: bad input ends with one line and exit code 2, a failed verdict with 1, an open one with 3."""
     warnings.showwarning = _note  # type: ignore[assignment]
+    _open_streams()
     with _interruption() as stopped:
         code = _run(stopped)
         if stopped() or code == 130:  # a library between may have taken it for its own, and gone on
@@ -170,19 +172,46 @@ def main() -> None:
     sys.exit(code)
 
 
+class _Forgiving(io.FileIO):
+    """A stream that goes on where its reader has seen enough, as `head` has: the work's own exit code counts.
+
+    Any other failure of standard output is raised, once: Python writes again what is left when it ends.
+    """
+
+    lost = False
+
+    def write(self, data: Any, /) -> int:
+        try:
+            return len(data) if self.lost else super().write(data)
+        except OSError as error:
+            self.lost = True
+            if isinstance(error, BrokenPipeError) or self.fileno() == 2:
+                return len(data)
+            raise OSError(error.errno, error.strerror, "standard output") from None
+
+
+def _open_streams() -> None:
+    """Make standard output and error take any text: closed ones lose it, and what an encoding lacks is escaped."""
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 - to the end
+        elif stream is getattr(sys, f"__{name}__") and not stream.isatty():
+            raw = io.BufferedWriter(_Forgiving(stream.fileno(), "w", closefd=False))
+            line = name == "stderr"
+            setattr(sys, name, io.TextIOWrapper(raw, stream.encoding, "backslashreplace", line_buffering=line))
+
+
 def _run(stopped: Callable[[], bool]) -> int:
     try:
         for argument in sys.argv[1:]:
             if not argument or re.fullmatch(r"--[\w-]+=", argument):  # a path of no letters would be the current folder
                 raise ValueError(f"an argument is empty: {argument or repr('')}; leave it out, or give it a value")
         code = app(args=sys.argv[1:] or ["--help"], prog_name="cuticle", standalone_mode=False)
-        sys.stdout.flush()  # a pipe that is closed says so now
+        sys.stdout.flush()  # a full disk says so now
         return code or 0
     except (KeyboardInterrupt, typer.Abort):
         return 130
-    except BrokenPipeError:  # the reader has seen enough, as `head` does
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # for what Python flushes at its end
-        return 0
     except Exception as error:
         if stopped():  # a library between has made another error of it
             return 130
@@ -202,21 +231,17 @@ def _interruption() -> Iterator[Callable[[], bool]]:
         pressed.append(True)
         raise KeyboardInterrupt
 
-    before = signal.signal(signal.SIGINT, stop)
+    before = signal.getsignal(signal.SIGINT)
+    if before is not signal.SIG_IGN:  # as of a script's job in the background
+        signal.signal(signal.SIGINT, stop)
     try:
         yield lambda: bool(pressed)
     finally:
         signal.signal(signal.SIGINT, before)
 
 
-def _err() -> Any:
-    from cuticle.cli.terminal import err
-
-    return err
-
-
 def _note(message: Warning | str, *_: Any) -> None:
-    _err().print(f"cuticle: {' '.join(str(message).split())}", markup=False, highlight=False, soft_wrap=True)
+    print(f"cuticle: {' '.join(str(message).split())}", file=sys.stderr)  # imports nothing, which Ctrl-C may have broken
 
 
 def _complain(message: str, code: int = 2) -> int:

@@ -45,14 +45,15 @@ def command(
         str,
         typer.Argument(
             metavar="TARGET",
-            help="mitsuba:PLUGIN, a sampler's file or folder, a .toml with [chiang], or a file of samples (.npz, .csv).",
+            help="mitsuba:PLUGIN, a sampler's file or folder, a TOML file with a table named chiang, or a file of samples"
+            " (.npz, .csv).",
         ),
     ],
     parameters: ParametersArgument = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="DIR", help="Folder for audit.json and audit.png.")
     ] = None,
-    h: Annotated[float, typer.Option("--h", help="Offset across the fibre, -1 to 1, for a plugin or [chiang].")] = 0.0,
+    h: Annotated[float, typer.Option("--h", help="Offset across the fibre, -1 to 1, for a plugin or Chiang's model.")] = 0.0,
     theta_r: Annotated[
         str | None, typer.Option("--theta-r", metavar="T,T,…", help="Viewers, degrees; default ±{0, 30, 60, 75, 85}.")
     ] = None,

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from cuticle._support import validate
-from cuticle._support.files import check_file, make_directory, read_text, write_bytes
+from cuticle._support.files import check_directory, check_file, make_directory, read_text, write_bytes
 from cuticle.cli.terminal import STANDARD_OUTPUT, check_output, err, out, progress_bar, refuse_idle, write_output
 from cuticle.export import HOSTS, MAX_TABLE, amalgamate, check_frame, check_name, export, export_family
 from cuticle.export.family import check_family
@@ -67,9 +67,11 @@ def command(
         check_family(family, to)
         if to == "pbrt":
             refuse_idle(ctx, "with --to pbrt", "frame")
-    if to == "pbrt" and output.suffix != ".h":  # the folder, such as src/pbrt
-        output = make_directory(output) / f"{name or 'fibre'}.h"
-    check_output(output)
+    folder = to == "pbrt" and output.suffix != ".h"  # such as src/pbrt; made when there is something to write
+    if folder:
+        output = check_directory(output) / f"{'fibre' if name is None else check_name(name, 'pbrt')}.h"
+    if not folder or output.parent.is_dir():
+        check_output(output)
     tell = err if output == STANDARD_OUTPUT else out
     if amalgamated:
         write_output(output, amalgamate())
@@ -79,6 +81,8 @@ def command(
         check_frame(frame or DEFAULT_FRAME)
         name = check_name(name, to) if name is not None else _name_of(output, to)
         made = export_family(family, to, frame=frame or DEFAULT_FRAME, name=name)
+        if folder:
+            make_directory(output.parent)
         write_output(output, made.text)
         tell.print(f"wrote {output}: {len(made.text):,} characters, for any fibre", soft_wrap=True)
         if made.remarks:
@@ -115,6 +119,8 @@ def command(
     with progress_bar() as progress:
         function = None if model is None else model_of(loaded, model, progress=progress)
         made = export(loaded, to, frame=frame, name=name, with_model=with_model, model=function, progress=progress)
+    if folder:
+        make_directory(output.parent)
     if made.data:
         write_bytes(values, made.data)
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 import sys
 import time
@@ -45,6 +46,8 @@ def check_output(path: Path) -> Path:
 def write_output(path: Path, text: str) -> None:
     """Write a text to a file, or to standard output."""
     if path == STANDARD_OUTPUT:
+        if isinstance(sys.stdout, io.TextIOWrapper):
+            sys.stdout.reconfigure(encoding="utf-8", newline="\n")  # as in a file
         sys.stdout.write(text)
     else:
         write_text(path, text)
@@ -105,7 +108,7 @@ class _Estimate:
 
     def after(self, phase: str, fraction: float) -> str:
         """Return the sentence, or "" where there is nothing to say."""
-        kind, now = re.split(r"[\d,:]", phase)[0].strip(), time.monotonic()
+        kind, now = re.split(r"[\d,:]", phase)[0].rstrip(" ±+-"), time.monotonic()
         if kind != self.kind:
             self.kind, self.began, self.before, self.told = kind, now, fraction, False
         took, done = now - self.began, fraction - self.before

@@ -134,8 +134,8 @@ def check_name(name: str, to: str) -> str:
         )
     if name in OURS | target.reserved:
         raise ValueError(f"name must not be a word that {to} keeps for itself, got {name!r}; {name}_fibre would do")
-    if name.startswith(target.reserved_prefixes):
-        kept = " or ".join(target.reserved_prefixes)
+    kept = next((p for p in target.reserved_prefixes if name.startswith(p)), None)
+    if kept is not None:
         raise ValueError(f"name must not begin with {kept}, which {to} keeps for itself; got {name!r}")
     return name
 

@@ -1,8 +1,8 @@
 """Words that a name in an export may not be, by language, and beginnings that a language keeps for itself.
 
 Sources: C++23 [lex.key], [reserved.names], [zombie.names]; the C library's functions, which implementations declare
-outside `std`, too; the CUDA C++ Programming Guide's extensions; GLSL 4.60 and GLSL ES 3.20, section 3.6; the HLSL
-reference's keywords and reserved words.
+outside `std`, too; the CUDA C++ Programming Guide's extensions; pbrt-v4's sources; GLSL 4.60 and GLSL ES 3.20,
+section 3.6; the HLSL reference's keywords and reserved words.
 """
 
 from __future__ import annotations
@@ -63,8 +63,29 @@ _MATRICES = {
     f"{kind}{m}x{n}" for kind in ("bool", "int", "uint", "half", "float", "double") for m in range(1, 5) for n in range(1, 5)
 }
 
+# Macros of the headers that exported C++ includes, as glibc has them: a compiler puts their text in place of the word.
+_MACROS = """
+    BIG_ENDIAN BYTE_ORDER LITTLE_ENDIAN PDP_ENDIAN MAXFLOAT MB_CUR_MAX NFDBITS RAND_MAX WCONTINUED WEXITED WEXITSTATUS
+    WNOHANG WNOWAIT WSTOPPED WSTOPSIG WTERMSIG WUNTRACED alloca be16toh be32toh be64toh htobe16 htobe32 htobe64 htole16
+    htole32 htole64 issubnormal le16toh le32toh le64toh math_errhandling strdupa strndupa
+"""
+MACRO_PREFIXES = (
+    *("EXIT_", "FD_", "FP_", "HUGE_VAL", "INT", "M_", "MATH_ERR", "PTRDIFF_", "SIG_ATOMIC_", "SIZE_", "SNAN", "UINT"),
+    *("WCHAR_", "WIF", "WINT_"),
+)
+
+# pbrt-v4's materials (materials.cpp), its headers in src/pbrt, where an export's header goes, and its namespaces.
+_PBRT = """
+    coatedconductor coateddiffuse conductor dielectric diffuse diffusetransmission hair interface measured mix none
+    subsurface thindielectric
+    bsdf bssrdf bxdfs cameras film filters interaction lights lightsamplers materials media options paramdict parser ray
+    samplers scene shapes textures
+    pbrt pstd
+"""
+
 OURS = frozenset({"cuticle"})
-CPP = frozenset((_C + _CPP + _LIBRARY).split()) | {"std", *(f"std{n}" for n in range(10))}
+CPP = frozenset((_C + _CPP + _LIBRARY + _MACROS).split()) | {"std", *(f"std{n}" for n in range(10))}
 CUDA = CPP | frozenset(_CUDA.split())
+PBRT = CPP | frozenset(_PBRT.split())
 GLSL = frozenset(_GLSL.split())
 HLSL = frozenset(_HLSL.split()) | _NUMBERS | _MATRICES

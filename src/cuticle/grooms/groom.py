@@ -70,7 +70,8 @@ class Groom(Value):
         offsets = np.array(offsets, np.int64)
         if points.ndim != 2 or points.shape[1] != 3:
             raise ValueError(f"points must have shape (N, 3), got {points.shape}")
-        if offsets.ndim != 1 or len(offsets) < 2 or offsets[0] != 0 or offsets[-1] != len(points):
+        ends = offsets.ndim == 1 and len(offsets) > 1 and offsets[0] == 0 and offsets[-1] == len(points)
+        if not ends or offsets.min() < 0 or offsets.max() > len(points):  # so that no difference overflows
             raise ValueError(f"offsets must run from 0 to the {len(points)} points, one more than there are strands")
         if (np.diff(offsets) < 2).any():
             short = int(np.argmax(np.diff(offsets) < 2))
@@ -251,6 +252,14 @@ def _check_points(points: NDArray[np.float32]) -> None:
         raise ValueError(f"points must be finite numbers within ±{FARTHEST:g}, point {at} is {points[at].tolist()}; {said}")
 
 
+def check_counts(counts: NDArray[np.int64], points: int) -> None:
+    """Raise ValueError unless the strands' numbers of points sum to all points."""
+    # Each is looked at before their sum: a sum beyond int64 wraps round, and NumPy repeats by it without a check.
+    if not len(counts) or counts.min() < 0 or counts.max() > points or counts.sum() != points:
+        most = f", {int(counts.max())} for one strand" if len(counts) else ""
+        raise ValueError(f"its strands must have the {points} points that it holds, they have {sum(counts.tolist())}{most}")
+
+
 def _check_radius(radius: NDArray) -> None:
     right = (radius >= 0) & (radius <= FARTHEST)
     if not right.all():
@@ -344,6 +353,7 @@ def read_groom(path: str | os.PathLike[str], *, radius: float | None = None, fra
         frame = validate.number("frame", frame, -1e9, 1e9)
     with reading(path, "groom"):
         points, counts, found, bend, notes = readers.read(path, frame)
+        check_counts(counts, len(points))
         with np.errstate(over="ignore"):  # what is too large for single precision is refused
             points = points.astype(np.float32)
         if found is not None:

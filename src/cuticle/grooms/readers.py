@@ -193,14 +193,16 @@ def _npz(path: Path) -> Raw:
         counts = _numbers(arrays, "counts", "iu").astype(np.int64)
     elif "offsets" in arrays:
         offsets = _numbers(arrays, "offsets", "iu").astype(np.int64)
+        if offsets.ravel()[:1].tolist() != [0]:
+            raise ValueError(f"offsets must begin at 0, got {offsets.ravel()[:1].tolist()}")
         counts = offsets[1:] - offsets[:-1]
     else:
         raise ValueError(f"points of shape {points.shape} need counts or offsets; it has {', '.join(arrays)}")
     if points.shape[-1:] != (3,) or not points.size:
         raise ValueError(f"points must have shape (strands, points, 3) or (N, 3), got {points.shape}")
     points = points.reshape(-1, 3)
-    if counts.ndim != 1 or (counts < 0).any() or counts.sum() != len(points):
-        raise ValueError(f"its strands must have the {len(points)} points that it holds, they have {counts.sum()}")
+    if counts.ndim != 1:
+        raise ValueError(f"counts must have shape (strands,), offsets (strands + 1,); got {counts.ndim} axes")
     if "radius" not in arrays:
         return Raw(points, counts)
     radius = _numbers(arrays, "radius")

@@ -57,6 +57,8 @@ def _find(path: str, frame: str) -> dict[str, NDArray]:
             curves = _curves(prim, time, times, places.GetLocalToWorldTransform(prim))
             found += [curves._replace(matrix=curves.matrix @ inverse @ m) for m in instances]
     notes = [n for reason, names in hidden.items() for n in left_out(f"{reason} prim(s)", names)]
+    broken = [str(e) for e in getattr(stage, "GetCompositionErrors", list)()]  # new in USD 24; else USD prints them
+    notes += left_out("what USD cannot find", broken)
     if stage.HasAuthoredTimeCodeRange():
         times += [stage.GetStartTimeCode(), stage.GetEndTimeCode()]
     check_frame(frame, times)
@@ -109,6 +111,8 @@ def _curves(prim: Any, time: Any, times: list[float], matrix: Any) -> Curves:
     primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance("widths")
     if primvar.HasAuthoredValue():
         attribute, values = primvar.GetAttr(), primvar.ComputeFlattened(time)
+        if values is None:
+            raise ValueError(f"{prim.GetPath()}: primvars:widths:indices go beyond the values of primvars:widths")
     else:
         attribute = curves.GetWidthsAttr()
         values = attribute.Get(time)

@@ -22,6 +22,7 @@ from cuticle.render.scene import Light, View, bsdf, integrator, load_scene, mits
 
 __all__ = ["Comparison", "Contender", "compare_samplings"]
 
+_PACE_SPP = 8
 _COLOURS = {"uniform": "#8a8a8a", "document": "#d08a2c", "lobes": "#2a6fbb"}
 
 
@@ -147,10 +148,12 @@ def compare_samplings(
 
     best = scene("lobes", "mis")
     cases = [(s, t) for t in techniques for s in SAMPLINGS[::-1]]
-    share, long = 0.4, expected_seconds(best, reference_spp)  # of the reference
-    if long is not None:
-        expect(progress, whole := long + seconds * len(cases))
-        share = long / whole
+    long, compiling = expected_seconds(best, reference_spp), 0.0  # of the reference; of each other
+    if long is None:  # a traced variant: the first pass of this size compiles, the second shows the pace
+        first, second = passes(best, 2 * _PACE_SPP, step=_PACE_SPP)
+        long, compiling = (second.seconds - first.seconds) / _PACE_SPP * reference_spp, first.seconds
+    expect(progress, whole := long + (seconds + compiling) * len(cases))
+    share = long / whole
     halves = [
         render(best, reference_spp // 2, seed=k, progress=lambda _, f, k=k: report("reference", share * (k - 1 + f) / 2))  # type: ignore[misc]
         for k in (1, 2)

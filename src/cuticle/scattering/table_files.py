@@ -117,14 +117,15 @@ def _read_csv(path: Any) -> Table:
         raise ValueError(f"{path} has no values beside its angles: {_HELP}, one column a channel")
     # Rows in any order; what no row names is a hole.
     axes, places = zip(*(np.unique(np.round(x, 9), return_inverse=True) for x in angles), strict=True)
-    f = np.full((*(len(a) for a in axes), len(channels)), np.nan)
-    if f.size > 50 * rows.size + 1000:
+    shape = *(len(a) for a in axes), len(channels)
+    if math.prod(shape) > 50 * rows.size + 1000:  # before memory is taken
         raise ValueError(
             f"{path}: its rows lie on {len(axes[0])} × {len(axes[1])} × {len(axes[2])} different angles and fill"
-            f" {100 * len(rows) * len(channels) / f.size:.2g} % of that grid; they must form one grid"
+            f" {100 * len(rows) * len(channels) / math.prod(shape):.2g} % of that grid; they must form one grid"
         )
+    f = np.full(shape, np.nan)
     at = tuple(p.ravel() for p in places)
-    flat = np.ravel_multi_index(at, f.shape[:3])
+    flat = np.ravel_multi_index(at, shape[:3])
     if len(np.unique(flat)) < len(flat):
         raise ValueError(f"{path}: {len(flat) - len(np.unique(flat))} rows have the same angles as another; average them")
     f[at] = rows[:, channels]

@@ -4,6 +4,11 @@ from __future__ import annotations
 
 from cuticle.export.cpp_header import header
 from cuticle.export.registry import Host
-from cuticle.export.reserved_words import CPP
+from cuticle.export.reserved_words import CPP, MACRO_PREFIXES
 
-HOST = Host("C++17 with the core's headers in it, for float and double", lambda job: header(job, cuda=False), reserved=CPP)
+HOST = Host(
+    "C++17 with the core's headers in it, for float and double",
+    lambda job: header(job, cuda=False),
+    reserved=CPP,
+    reserved_prefixes=MACRO_PREFIXES,
+)

@@ -7,7 +7,7 @@ from dataclasses import replace
 from cuticle.export.cpp_header import header
 from cuticle.export.frames import FRAMES
 from cuticle.export.registry import Export, Host, Job
-from cuticle.export.reserved_words import CPP
+from cuticle.export.reserved_words import MACRO_PREFIXES, PBRT
 from cuticle.export.source import environment
 
 CHANNELS = (1, 3)
@@ -34,5 +34,5 @@ def write(job: Job) -> Export:
 
 HOST = Host(
     "a header for pbrt-v4 with a BxDF and a Material, and the lines to add to pbrt's files", write, model="always",
-    framed=False, reserved=CPP | {"pbrt", "pstd"},
+    framed=False, reserved=PBRT, reserved_prefixes=MACRO_PREFIXES,
 )  # fmt: skip
