@@ -284,6 +284,9 @@ def test_a_family_is_written_by_the_command(folder: Path) -> None:
     written = (folder / "any.glsl").read_text()
     assert written == export_family("marschner", "glsl", frame="mitsuba", name="any").text
     assert "the strand along y" in written
+    done = run("export", "--family", "chiang", "--to", "pbrt", "--name", "mine", "-o", "other.h", cwd=folder)
+    assert "class MineHairBxDF;" in done.stdout
+    assert "#include <pbrt/other.h>" in done.stdout
 
 
 @pytest.mark.parametrize("compiler", ["g++", "clang++"])

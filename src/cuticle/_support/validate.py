@@ -59,6 +59,11 @@ def integer(name: str, value: Any, low: int, high: int, *, remedy: str = "") -> 
     return int(value)
 
 
+def random_numbers(seed: Any) -> np.random.Generator:
+    """Return a generator of random numbers from a seed, which must be a whole number of 0 or more."""
+    return np.random.default_rng(integer("seed", seed, 0, 2**63 - 1))
+
+
 def flag(name: str, value: Any) -> bool:
     """Return `value` if it is True or False."""
     if not isinstance(value, (bool, np.bool_)):

@@ -16,7 +16,7 @@ from cuticle.export import HOSTS, MAX_TABLE, amalgamate, check_frame, check_name
 from cuticle.export.family import check_family
 from cuticle.export.frames import DEFAULT_FRAME, FRAMES
 from cuticle.export.hosts.web import LOBES
-from cuticle.export.registry import host
+from cuticle.export.registry import Export, host
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.any_fibre import FORMS
 from cuticle.scattering.by_name import model_of
@@ -85,8 +85,7 @@ def command(
             make_directory(output.parent)
         write_output(output, made.text)
         tell.print(f"wrote {output}: {len(made.text):,} characters, for any fibre", soft_wrap=True)
-        if made.remarks:
-            tell.print(made.remarks, soft_wrap=True, markup=False, highlight=False)
+        tell.print(_lines_beside(made, name, output), end="", soft_wrap=True, markup=False, highlight=False)
         return
     assert sampler is not None
     if to is None:
@@ -142,8 +141,12 @@ def command(
             f"the scattering function's tables: {made.model.size:,} bytes, within {100 * made.model.error:.2g} % of ∫ f cos",
             soft_wrap=True,
         )
-    if made.remarks:
-        tell.print(made.remarks, soft_wrap=True, markup=False, highlight=False)
+    tell.print(_lines_beside(made, name, output), end="", soft_wrap=True, markup=False, highlight=False)
+
+
+def _lines_beside(made: Export, name: str, output: Path) -> str:
+    """What the host's own files need, with the header's name as it was written; nothing where they need nothing."""
+    return made.remarks.replace(f"<pbrt/{name}.h>", f"<pbrt/{output.name}>") + "\n" if made.remarks else ""
 
 
 def _name_of(output: Path, to: str) -> str:

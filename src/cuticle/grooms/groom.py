@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cuticle._support import validate
-from cuticle._support.files import reading, write_text
+from cuticle._support.files import check_size, reading, write_text
 from cuticle._support.values import Value
 from cuticle.grooms import interpolation, splines
 
@@ -153,7 +153,7 @@ class Groom(Value):
         count = validate.integer("count", count, 0, MAX_FOLLOWERS)
         spread = validate.number("spread", spread, 0, 1e6)
         tip_spread = spread if tip_spread is None else validate.number("tip_spread", tip_spread, 0, 1e6)
-        rng = np.random.default_rng(seed)
+        rng = validate.random_numbers(seed)
         width = (spread + (tip_spread - spread) * self.along())[:, None]
         parts = [self.points]
         for _ in range(count):
@@ -197,17 +197,19 @@ class Groom(Value):
         Raises
         ------
         ValueError
-            The guides' roots span no surface: fewer than three of them differ, or all lie on a line.
+            The guides' roots span no surface: fewer than three of them differ, or all lie on a line. The hair needs over
+            2 GB, without `cuticle.allow_large()`.
         """
         strands = validate.integer("strands", strands, 1, MAX_STRANDS)
         points = min(int(self.counts.max()), 1024) if points is None else validate.integer("points", points, 2, 1024)
+        check_size(strands * points * 4 * 8, f"hair of {strands:,} strands with {points} points each")
         made = interpolation.follow_guides(
             interpolation.resampled(*self.control_points(), points),
             strands,
             clumping=validate.number("clumping", clumping, 0, 1),
             frizz=validate.number("frizz", frizz, 0, 1),
             length_variation=validate.number("length_variation", length_variation, 0, 0.9),
-            rng=np.random.default_rng(seed),
+            rng=validate.random_numbers(seed),
         ).reshape(-1, 4)
         radius = np.maximum(made[:, 3], 0).astype(np.float32)
         return Groom(made[:, :3].astype(np.float32), np.arange(strands + 1) * points, radius)

@@ -47,7 +47,7 @@ def hair_ball(
     """
     strands, points = _sizes(strands, points, 2, 256, radius=radius, length=length)
     curl = validate.number("curl", curl, 0, 100)
-    rng = np.random.default_rng(seed)
+    rng = validate.random_numbers(seed)
     normal = rng.standard_normal((strands, 3))
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     position = radius * normal
@@ -89,7 +89,7 @@ def wavy_lock(
     """
     strands, points = _sizes(strands, points, 2, 1024, length=length, width=width)
     waves = validate.number("waves", waves, 0, 1000)
-    rng = np.random.default_rng(seed)
+    rng = validate.random_numbers(seed)
     s = np.linspace(0, 1, points)
     angle, distance = 2 * np.pi * rng.random(strands), np.sqrt(rng.random(strands))
     phase = 0.3 * rng.standard_normal(strands)
@@ -138,7 +138,7 @@ def hair_head(
     length = validate.number("length", length, 0.3, 20)
     waves = validate.number("waves", waves, 0, 1000)
     frizz = validate.number("frizz", frizz, 0, 20)
-    rng = np.random.default_rng(seed)
+    rng = validate.random_numbers(seed)
     body = replace(head_bust(), facing=1)
     root = _scalp(_GUIDES, rng)
     longest = length + _AROUND
