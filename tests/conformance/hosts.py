@@ -158,7 +158,7 @@ float4 main(float4 place : SV_Position) : SV_Target {{
         ["spirv-cross", "--es", "--version", "300", "main.spv"], cwd=folder, capture_output=True, text=True, check=True
     )
     printed = re.sub(r"SPIRV_Cross_Combined(\w+?)SPIRV_Cross_DummySampler", r"\1", written.stdout)
-    return shaded(printed, made, x, folder, driver, asked or asked_of(made, x, "float4"))
+    return shaded(printed, made, x, folder, driver, asked)
 
 
 def spirv_of(text: str, folder: Path) -> None:

@@ -6,7 +6,7 @@
 // differences of its cdf. So the function is a mixture that can be sampled: a lobe by its energy, a cell by its energy, an
 // azimuth within the cell, D's and M's own. The density is f cos by luminance over its integral, of any fibre.
 //
-// Differs from azimuthal.h in: fewer cells (N off by 2 % of f's peak at most for D's deviation of 1°, by 1.3 % from 2° on:
+// Differs from azimuthal.h in: fewer cells (f off by .25 % of its peak on average over random fibres, by 2 % at worst:
 // docs/family.md), and a normal D that is truncated to ±pi where that one is wrapped (1e-4 of its peak at 40°).
 #ifndef CUTICLE_SCATTERING_FAR_FIELD_H
 #define CUTICLE_SCATTERING_FAR_FIELD_H

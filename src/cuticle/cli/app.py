@@ -27,7 +27,7 @@ COMMANDS = {
     "document": "Recompute the draft description for any fibre: its tables, functions, figures and claims.",
     "report": "Write one self-contained HTML page from the results of fit, check and document in a folder.",
     "render": "Render a groom with Mitsuba: `cuticle render GROOM -o picture.png`, with the options of `picture`.",
-    "export": "Write a sampler as one file for C++, CUDA, GLSL or HLSL, as JSON, or as an interactive web page.",
+    "export": "Write a sampler or a family as one file for C++, CUDA, GLSL or HLSL; a sampler also as JSON or a web page.",
     "audit": "Audit any sampler: do its samples follow its pdf? Exit code 1 if a verdict fails, 3 if one is inconclusive.",
 }
 HIDDEN = ("demo",)
