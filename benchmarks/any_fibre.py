@@ -98,16 +98,19 @@ def picture(found: dict[str, list[float]], path: Path) -> None:
 
     figure = Figure((7.5, 3.4), layout="constrained")
     axes = figure.subplots()
-    colours = {"any fibre": "#b3471d", "4 lobes, fitted": "#2f6690", "h drawn at random": "#6c757d", "uniform": "#b08ea2"}
-    for name, colour in colours.items():
+    lines = {
+        "any fibre": ("any fibre, one sampler", "#b3471d", 12, 8),
+        "4 lobes, fitted": ("4 lobes, fitted to each fibre", "#2f6690", 12, -15),
+        "h drawn at random": ("near field, h drawn at random", "#6c757d", 26, 8),
+        "uniform": ("uniform sphere", "#b08ea2", 40, 8),
+    }
+    for name, (label, colour, at, above) in lines.items():
         lost = np.sort(1 / np.array(found[name]) - 1)[::-1]
         share = (np.arange(len(lost)) + 0.5) / len(lost) * 100
-        axes.semilogy(share, np.maximum(lost, 1e-7), color=colour, linewidth=2)
-        label = {"4 lobes, fitted": "4 lobes, fitted to each fibre", "h drawn at random": "near field, h drawn at random"}
-        axes.annotate(
-            label.get(name, name), (50, np.interp(50, share, lost)), (0, 5), textcoords="offset points", color=colour
-        )
-    axes.set(xlim=(0, 100), ylim=(1e-6, 200), xlabel="random fibres, % (worst first)", ylabel="variance lost: 1/ESS - 1")
+        axes.semilogy(share, np.maximum(lost, 1e-9), color=colour, linewidth=2)
+        place = (at, np.interp(at, share, lost))
+        axes.annotate(label, place, (0, above), textcoords="offset points", color=colour)
+    axes.set(xlim=(0, 100), ylim=(1e-7, 300), xlabel="random fibres, % (worst first)", ylabel="variance lost: 1/ESS - 1")
     axes.spines[["top", "right"]].set_visible(False)
     write_bytes(path, figure_bytes(figure))
 

@@ -60,7 +60,7 @@ def test_it_is_the_near_field_averaged_over_the_width(beta_n: float) -> None:
         assert np.all(np.abs(CHIANG.eval(ti, theta_r, phi, model) - mean) <= 0.01 * mean.max(0))
 
 
-@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("dtype", [np.float32, pytest.param(np.float64, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     "case",
     [

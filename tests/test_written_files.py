@@ -199,9 +199,12 @@ def test_ctrl_c_within_a_render_of_mitsuba(tmp_path: Path) -> None:
     pytest.importorskip("mitsuba")
     command = [sys.executable, "-m", "cuticle", "render", "lock", "--width", "64", "--spp", "1000000", "-o", "a.png"]
     started = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    time.sleep(6)
-    started.send_signal(signal.SIGINT)
-    _, err = started.communicate(timeout=60)
+    try:
+        time.sleep(6)
+        started.send_signal(signal.SIGINT)
+        _, err = started.communicate(timeout=60)
+    finally:
+        started.kill()
     assert started.returncode == 130
     assert err == "cuticle: stopped\n"
     assert not list(tmp_path.iterdir())
