@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import stat
 import subprocess
@@ -206,5 +207,5 @@ def test_ctrl_c_within_a_render_of_mitsuba(tmp_path: Path) -> None:
     finally:
         started.kill()
     assert started.returncode == 130
-    assert err == "cuticle: stopped\n"
+    assert re.fullmatch(r"(this takes about \d+ s\n)?cuticle: stopped\n", err), err  # where it came to an estimate first
     assert not list(tmp_path.iterdir())
