@@ -10,7 +10,7 @@
 namespace cuticle {
 
 // Cells of R, TT and TRT, one after the other; a lobe's edges are one more than its cells. TRT takes every third edge of TT.
-constexpr int r_cells = 24, tt_cells = 24, tt_in_trt = 3;
+constexpr int r_cells = 24, tt_cells = r_cells, tt_in_trt = 3;  // CellGeometry serves both
 constexpr int first_tt = r_cells, first_trt = r_cells + tt_cells, far_cells = first_trt + tt_cells / tt_in_trt;
 constexpr int far_edges = 64;  // of them far_cells + lobe_count are used
 CUTICLE_HD constexpr int first_cell(int p) { return p == 0 ? 0 : p == 1 ? first_tt : p == 2 ? first_trt : far_cells; }

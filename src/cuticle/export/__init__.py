@@ -110,7 +110,7 @@ def export_family(form: str, to: str, *, frame: str = DEFAULT_FRAME, name: str =
     form
         "chiang" or "marschner", see `cuticle.family`.
     to
-        "cpp", "cuda", "glsl" or "hlsl"; of linear RGB.
+        "cpp", "cuda", "glsl" or "hlsl", of linear RGB; or, of "chiang", "pbrt", of its wavelengths and in its frame.
     frame, name
         As in `export`.
 
