@@ -267,7 +267,7 @@ def test_light_through_hair_of_another_colour(counter: str, ball: Groom, tmp_pat
                 "sensor": {"type": "perspective", "fov": 35, "to_world": look, "film": film},
             }
         )  # fmt: skip
-        pixels = np.concatenate([np.array(mi.render(scene, spp=1, seed=k)).reshape(-1, 4) for k in range(24)])
+        pixels = np.concatenate([np.array(mi.render(scene, spp=1, seed=k)).reshape(-1, 4) for k in range(48)])
         return np.array([pixels[pixels[:, 3] == shape, :3].mean(axis=0) for shape in (1, 2)])
 
     path = seen(integrator("path", depth=64), shapes)

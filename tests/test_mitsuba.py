@@ -74,6 +74,7 @@ def ask(
     """
     context = mi.BSDFContext()
     if strands is not None:
+        bsdf.parameters_changed(["strand_tables"])
         context.type_mask |= AMONG_STRANDS | (0 if behind is None else EXPECTED)
 
     def once(r_: np.ndarray, i_: np.ndarray, u_: np.ndarray, n_: Any) -> tuple[Any, ...]:
@@ -123,8 +124,9 @@ def test_says_what_python_says(variant: str, fibre: str, use_variant: UseVariant
     count = VARIANTS[variant]
     r, i = random_directions(rng, count), random_directions(rng, count)
     u = rng.random((count, 3), np.float32)
-    said = ask(mi, mi.load_dict({"type": "cuticle", "fibre": fibre}), r, i, u)
-    material = plugin.read_material({"fibre": fibre})
+    given = {"fibre": fibre, "sampling": "lobes"}
+    said = ask(mi, mi.load_dict({"type": "cuticle", **given}), r, i, u)
+    material = plugin.read_material(given)
     f = alone(material.fibre).eval(i.theta, r.theta, i.phi - r.phi) * np.cos(i.theta)[:, None]
     assert relative(said.f, np.broadcast_to(f, said.f.shape)) <= 1e-4  # single precision and tables in it
     assert material.single is not None
@@ -152,8 +154,8 @@ def test_among_strands_says_what_python_says(variant: str, fibre: str, use_varia
     count = VARIANTS[variant] // 4
     r, i = random_directions(rng, count), random_directions(rng, count)
     u = rng.random((count, 3), np.float32)
-    bsdf = mi.load_dict({"type": "cuticle", "fibre": fibre})
-    material = plugin.read_material({"fibre": fibre})
+    given = {"fibre": fibre, "sampling": "lobes"}
+    bsdf, material = mi.load_dict({"type": "cuticle", **given}), plugin.read_material(given)
     model = cuticle.DualScattering(material.fibre)
     assert material.combined is not None
     for n in (0.0, 0.5, 1.0, 2.0, 7.0):
@@ -178,7 +180,7 @@ def test_scale_multiplies_the_absorption(variant: str, use_variant: UseVariant) 
     for fibre in ("blond", "document"):
         own = cuticle.Fibre.preset(fibre)
         for scale in (0.3, 1.0, 2.7):
-            said = ask(mi, mi.load_dict({"type": "cuticle", "fibre": fibre, "scale": scale}), r, i, u)
+            said = ask(mi, mi.load_dict({"type": "cuticle", "fibre": fibre, "scale": scale, "sampling": "uniform"}), r, i, u)
             model = alone(own.replace(sigma_a=tuple(scale * x for x in own.absorption)))
             f = model.eval(i.theta, r.theta, i.phi - r.phi) * np.cos(i.theta)[:, None]
             if "spectral" in variant and fibre != "document":
@@ -230,7 +232,7 @@ def test_a_row_of_a_bitmap_is_a_strand(tmp_path: Path, use_variant: UseVariant) 
 
 def test_parameters_are_traversed_and_change_what_is_seen(use_variant: UseVariant) -> None:
     mi = use_variant("scalar_rgb")
-    bsdf = mi.load_dict({"type": "cuticle", "fibre": "blond"})
+    bsdf = mi.load_dict({"type": "cuticle", "fibre": "blond", "sampling": "uniform"})
     parameters = mi.traverse(bsdf)
     assert {"sigma_a.value", "scale.value"} <= set(parameters.keys())
     rng = np.random.default_rng(4)
@@ -409,8 +411,11 @@ def test_no_direction_and_no_strand_gives_a_nan(parameters: dict[str, Any], use_
 def test_says_what_it_holds(use_variant: UseVariant) -> None:
     mi = use_variant("scalar_rgb")
     text = str(mi.load_string('<bsdf version="3.0.0" type="cuticle"><string name="fibre" value="blond"/></bsdf>'))
-    for part in ("eumelanin=0.3", "beta_R=8.3", "4 lobes", "sampling among strands", "sigma_a", "scale"):
+    for part in ("eumelanin=0.3", "beta_R=8.3", "its own density", "sigma_a", "scale"):
         assert part in text
+    text = str(mi.load_dict({"type": "cuticle", "fibre": "blond", "lobes": 1}))
+    assert "1 lobes" in text
+    assert "sampling among strands" in text
 
 
 # 25 of ours, one family at 1e-3 together.

@@ -83,7 +83,7 @@ template <typename Float, typename Spectrum> class CuticleTable final : public H
 
     UnpolarizedSpectrum scattered(const BSDFContext &ctx, const SurfaceInteraction3f &si, const Float &theta_i,
                                   const Angles &r, const Float &phi, Mask active) const override {
-        Float f[most_channels];
+        Float f[most_channels] = {};
         if (cuticle_mitsuba::transmittance(ctx)) {
             for (int c = 0; c < m_alone.channels; ++c) f[c] = Base::transmitted(ctx, si, theta_i, c);
             return spectrum(si, f, active);

@@ -36,17 +36,18 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
         BSDFSample3f bs = dr::zeros<BSDFSample3f>();
         if (unlikely(dr::none_or<false>(active) || !ctx.is_enabled(BSDFFlags::Glossy))) return {bs, 0.f};
         const Angles r = angles(si.wi);
-        const auto [theta_i, phi, pdf] = draw(ctx, si, r, sample1, sample2, active);
-        const auto d = cuticle::to_direction(theta_i, Float(r.phi + phi));
+        const bool with_value = !cuticle_mitsuba::direction_only(ctx);
+        const auto [drawn, scattered] = draw_with_value(ctx, si, r, sample1, sample2, with_value, active);
+        const Float &pdf = drawn.pdf;
+        const auto d = cuticle::to_direction(drawn.theta_i, Float(r.phi + drawn.phi));
         active &= known(si.wi) && pdf > 0.f;
         bs.wo = dr::select(active, Vector3f(d.y, d.x, d.z), 0.f);
         bs.pdf = dr::select(active, pdf, 0.f);
         bs.eta = 1.f;
         bs.sampled_type = +BSDFFlags::Glossy;
         bs.sampled_component = 0;
-        if (cuticle_mitsuba::direction_only(ctx)) return {bs, 0.f};
-        const UnpolarizedSpectrum value = scattered(ctx, si, theta_i, r, phi, active);
-        return {bs, depolarizer<Spectrum>(dr::select(active, value / bs.pdf, 0.f))};
+        if (!with_value) return {bs, 0.f};
+        return {bs, depolarizer<Spectrum>(dr::select(active, scattered / bs.pdf, 0.f))};
     }
 
     Spectrum eval(const BSDFContext &ctx, const SurfaceInteraction3f &si, const Vector3f &wo, Mask active) const override {
@@ -71,9 +72,8 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
         if (unlikely(dr::none_or<false>(active) || !ctx.is_enabled(BSDFFlags::Glossy))) return {0.f, 0.f};
         active &= known(si.wi) && known(wo);
         const Angles r = angles(si.wi), i = angles(wo);
-        const Float phi = i.phi - r.phi;
-        return {depolarizer<Spectrum>(scattered(ctx, si, i.theta, r, phi, active)) & active,
-                dr::select(active, density(ctx, si, i.theta, r, phi, active), 0.f)};
+        const auto [value, pdf] = value_and_density(ctx, si, i.theta, r, i.phi - r.phi, active);
+        return {depolarizer<Spectrum>(value) & active, dr::select(active, pdf, 0.f)};
     }
 
     void traverse(TraversalCallback *cb) override {
@@ -171,6 +171,20 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
         return mixture.empty() ? dr::InvFourPi<Float> : mixture.pdf(theta_i, r.theta, phi);
     }
 
+    // Both together, and what is drawn with its value if it is asked for: overridden where one costs little beside the other.
+    virtual std::pair<UnpolarizedSpectrum, Float> value_and_density(const BSDFContext &ctx, const SurfaceInteraction3f &si,
+                                                                    const Float &theta_i, const Angles &r, const Float &phi,
+                                                                    Mask active) const {
+        return {scattered(ctx, si, theta_i, r, phi, active), density(ctx, si, theta_i, r, phi, active)};
+    }
+    virtual std::pair<cuticle::Sample<Float>, UnpolarizedSpectrum>
+    draw_with_value(const BSDFContext &ctx, const SurfaceInteraction3f &si, const Angles &r, const Float &sample1,
+                    const Point2f &sample2, bool with_value, Mask active) const {
+        const cuticle::Sample<Float> s = draw(ctx, si, r, sample1, sample2, active);
+        if (!with_value) return {s, 0.f};
+        return {s, scattered(ctx, si, s.theta_i, r, s.phi, active)};
+    }
+
     // What hair passes on of light that meets this strand, in a channel.
     template <class Channel>
     Float transmitted(const BSDFContext &ctx, const SurfaceInteraction3f &si, const Float &theta_i,
@@ -185,6 +199,7 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
     }
 
     std::string m_about;
+    Properties m_scene;  // by which Python makes this BSDF
 
   private:
     // Whether a direction has angles. A curve's segment of no length has no frame: directions there are NaN, and it
@@ -207,7 +222,6 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
     };
 
     cuticle_mitsuba::Mixture<Float> m_single, m_combined;
-    Properties m_scene;  // by which Python makes this BSDF
     std::vector<Number> m_numbers;
     DynamicBuffer<Float> m_transmittance;
     int m_transmittance_rows = 0, m_transmittance_channels = 0;

@@ -15,6 +15,9 @@ constexpr uint32_t transmittance_bit = 1u << 28;
 // Flags of the BSDF that none of Mitsuba's has: it answers to such a context; it knows its mean over what is expected.
 constexpr uint32_t hair_flag = 1u << 31, mean_flag = 1u << 30;
 
+// The parameter by whose change a BSDF is asked to make what it needs for that.
+constexpr const char *strand_tables = "strand_tables";
+
 inline mitsuba::BSDFContext among_strands_context(uint32_t bits = 0) {
     mitsuba::BSDFContext context;
     context.type_mask |= among_strands_bit | bits;

@@ -57,6 +57,8 @@ template <typename Float, typename Spectrum> class StrandsAround {
             const Placed<Float, Spectrum> placed(scene, shape);
             size_t hairs = 0;
             for (const ref<Shape> &part : placed.parts) {
+                if (part->bsdf() && part->bsdf()->flags() & cuticle_mitsuba::hair_flag)
+                    const_cast<BSDF *>(part->bsdf())->parameters_changed({cuticle_mitsuba::strand_tables});
                 const uint32_t flags = part->bsdf() ? part->bsdf()->flags() : 0u;
                 if (!(flags & cuticle_mitsuba::hair_flag)) continue;
                 ++hairs;

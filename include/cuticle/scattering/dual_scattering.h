@@ -142,10 +142,17 @@ CUTICLE_INLINE Shares<Float> shares(const Behind<Float> &end, const Surroundings
             d_b * lit * math::max(Float(Float(1) - direct), Float(0))};
 }
 
+// The parts of through_lobes times their shares; those left out of `lobes` (LobeMask) are 0.
+template <class Float> CUTICLE_INLINE void shared(const Shares<Float> &share, int lobes, Float *parts) {
+    for (int p = 0; p < lobe_count; ++p) parts[p] = lobes & (1 << p) ? Float(share.scattered * parts[p]) : Float(0);
+    parts[lobe_count] = share.back * parts[lobe_count];
+    parts[through_parts] = share.direct_back * parts[through_parts];
+}
+
 template <class Float, class Scalar, class Memory>
-CUTICLE_INLINE ThroughPlace<Float> place_among(const DualScatteringModel<Scalar, Memory> &model, const Float &theta_r,
+CUTICLE_INLINE ThroughPlace<Float> place_among(const ThroughTable<Scalar, Memory> &table, const Float &theta_r,
                                                const Surroundings<Float> &around) {
-    return locate(model.through, theta_r, strands_met(around), around.random ? random_strands : counted_sheets,
+    return locate(table, theta_r, strands_met(around), around.random ? random_strands : counted_sheets,
                   around.random || any_above(around.strands, Float(0)));
 }
 
@@ -159,15 +166,11 @@ CUTICLE_HD void add_surroundings(const DualScatteringModel<Scalar, Memory> &mode
     const Longitudinal form = model.fibre.form;
     const Float d_f = Float(model.d_f), d_b = Float(lobes & mask_back ? model.d_b : Scalar(0));
     if (model.formulation == Formulation::exact) {
-        const ThroughPlace<Float> place = place_among(model, theta_r, around);
+        const ThroughPlace<Float> place = place_among(model.through, theta_r, around);
         const Shares<Float> share = shares(behind_at(model.through, place.row, channel), around, d_f, d_b);
         through_lobes(model.through, place, theta_i, channel, t.through);
-        for (int p = 0; p < lobe_count; ++p) {
-            t.weight[direct_rows][p] = share.lit * t.weight[direct_rows][p];
-            t.through[p] = lobes & (1 << p) ? Float(share.scattered * t.through[p]) : Float(0);
-        }
-        t.through[lobe_count] = share.back * t.through[lobe_count];
-        t.through[through_parts] = share.direct_back * t.through[through_parts];
+        for (int p = 0; p < lobe_count; ++p) t.weight[direct_rows][p] = share.lit * t.weight[direct_rows][p];
+        shared(share, lobes, t.through);
         return;
     }
     const Averages<Float> a =
@@ -211,7 +214,7 @@ CUTICLE_HD Float sum_around(const DualScatteringModel<Scalar, Memory> &model, co
     if (around.random || Traits::any(around.strands < Float(1)))
         f = add_rows(f, model.direct, terms, direct_rows, at, channel);
     if (model.formulation == Formulation::exact)
-        return add_through(f, model.through, place_among(model, theta_r, around), terms.through, phi, channel);
+        return add_through(f, model.through, place_among(model.through, theta_r, around), terms.through, phi, channel);
     if (Traits::any(around.strands > Float(0))) f = add_rows(f, model.spread, terms, spread_rows, at, channel);
     return f;
 }

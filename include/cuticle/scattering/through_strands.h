@@ -86,10 +86,19 @@ CUTICLE_INLINE Float channel_value(const Memory &data, const Index &first, const
                         math::clamp(channel.t, Float(0), Float(1)));
 }
 
+// How a strand differs from the others, for which the tables were made: its parts' energies are those times `energy`, and
+// its own M lies `tilt` further and is wider by `variance` (radians, theta).
+template <class Float> struct OwnParts {
+    Float energy[lobe_count], tilt[lobe_count], variance[lobe_count];
+};
+template <class Float> CUTICLE_INLINE Float widened(const Float &variance, const Float &by) {
+    return math::max(Float(variance + by), Float(1e-4));
+}
+
 // M over cos theta_i of all parts times their energies, then that of direct light's backscatter: lobes[through_parts + 1].
 template <class Float, class Scalar, class Memory, class Channel>
 CUTICLE_HD void through_lobes(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at, const Float &theta_i,
-                              const Channel &channel, Float *lobes) {
+                              const Channel &channel, Float *lobes, const OwnParts<Float> *own = nullptr) {
     using Index = typename ArrayTraits<Float>::Index;
     const int size = through_columns * through_parts * table.channels, slot = table.rows * size;
     const Index first = Index(at.arrangement * through_slots * slot) + at.row.node * Index(size);
@@ -109,6 +118,10 @@ CUTICLE_HD void through_lobes(const ThroughTable<Scalar, Memory> &table, const T
                                   value(lower, through_bend, p), at.strands);
         axis.set(p, between(through_axis));
         variance.set(p, between(through_variance));
+        if (!own || p == lobe_count) continue;  // the last is the others'
+        lobes[p] = lobes[p] * own->energy[p];
+        axis.set(p, Float(between(through_axis) + own->tilt[p]));
+        variance.set(p, widened(Float(between(through_variance)), own->variance[p]));
     }
     constexpr int back = through_parts - 1;
     axis.set(through_parts, value(first, through_axis, back));

@@ -117,8 +117,11 @@ def picture_command(
     depth: Annotated[int, typer.Option(help="Path segments, for --integrator path.")] = 64,
     counter: Annotated[str, typer.Option(help="How --integrator dual counts strands: grid | trace.")] = "grid",
     sampling: Annotated[
-        str, typer.Option(help=f"{' | '.join(SAMPLINGS)}. With a sampler's file: its own lobes, or others for its fibre.")
-    ] = "lobes",
+        str | None,
+        typer.Option(
+            help=f"{' | '.join(SAMPLINGS)}. Default: function where it has a closed form, else lobes. Files: their lobes."
+        ),
+    ] = None,
     spp: Annotated[int, typer.Option(help="Samples per pixel.")] = 64,
     radius: RadiusOption = None,
     tip: TipOption = None,
@@ -153,7 +156,7 @@ def picture_command(
         refuse_idle(ctx, "without --integrator path", "depth")
     if technique != "dual":
         refuse_idle(ctx, "without --integrator dual", "counter")
-    if fibre.endswith(".json") and sampling == "lobes":
+    if fibre.endswith(".json") and sampling in (None, "lobes"):
         refuse_idle(ctx, "for a sampler's file, whose lobes are drawn from", "sampling")
     _check_groom(ctx, radius, tip, followers, spread)
     if validate.integer("--interpolate", interpolate, 0, MAX_STRANDS) and followers:

@@ -30,7 +30,9 @@ from cuticle.scattering.by_name import provenance
 FORMS = ("lobes", "document")
 AUTO = "auto"  # of strand counts, those after which the shape of light no longer changes
 BEST = "best"  # of the families, the one with the highest mean ESS
-SAMPLINGS = (*FORMS, "uniform")  # what a renderer may draw from
+OWN = "function"  # directions drawn from the function's own density, where it has a closed form
+FITTED = (*FORMS, "uniform")  # what else a renderer may draw from
+SAMPLINGS = (OWN, *FITTED)
 MAX_AUTO_LOBES = 12
 _DENSE = 8  # lobes up to which all viewers are seen at every count between rows; a step's cost grows with their square
 _DOUBTED = 8  # places of the lowest ESS that are measured again

@@ -19,6 +19,7 @@ from typing import Any
 
 from cuticle import _core
 from cuticle._support.backends import check_backend
+from cuticle.fitting.fit import OWN
 
 __all__ = ["MITSUBA_VERSION", "VARIANTS", "Material", "build", "read_material", "register"]
 
@@ -35,6 +36,7 @@ except ImportError as error:
 from cuticle.mitsuba.build import build  # noqa: E402 - where Mitsuba is absent, its own message
 from cuticle.mitsuba.material import Material, read_material  # noqa: E402
 from cuticle.mitsuba.parameters import Parameters  # noqa: E402
+from cuticle.mitsuba.textures import mean_of, textures_of  # noqa: E402
 
 
 def plugin_folder() -> Path:
@@ -88,19 +90,14 @@ def check_variant() -> None:
 def _make_bsdf(props: Any) -> Any:
     check_variant()
     given = {name: props[name] for name in props.keys()}  # noqa: SIM118 - Mitsuba's, not a dict
-    scale = given.pop("scale", None)
-    texture, kinds = None, mi.Properties.Type
-    if "sigma_a" in given and props.type("sigma_a") in (kinds.Object, kinds.Spectrum):
-        if not given.get("near", False):
-            raise ValueError(
-                "sigma_a as a texture or a spectrum needs near: the far field is tabulated for its absorption;"
-                " give sigma_a as a number or a colour, and scale as a texture"
-            )
-        texture, given["sigma_a"] = given["sigma_a"], 1.0  # which stands for it where parameters are checked
+    scale, tables = given.pop("scale", None), given.pop("strand_tables", None)
+    textures = textures_of(props, given)
+    given |= {name: mean_of(name, texture) for name, texture in textures.items()}  # which stands for it
     material, asked = read_material(given), Parameters(**given)
-    # Files as they are found now: beside the scene's file, while it is loaded.
+    # Files as they are found now: beside the scene's file, while it is loaded. Another sampling would be another plugin.
     found = {name: path for name in ("fibre", "filename") if (path := getattr(asked, name)) is not None}
-    return build(material, scale=scale, sigma_a=texture, scene=given | found)
+    scene = given | found | ({} if material.near else {"sampling": OWN if material.own else asked.sampling or "lobes"})
+    return build(material, scale=scale, textures=textures, scene=scene, tables=tables)
 
 
 register()

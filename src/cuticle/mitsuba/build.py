@@ -11,8 +11,10 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from cuticle.mitsuba.closed_forms import closed_form
 from cuticle.mitsuba.material import Material, alone, among_others
 from cuticle.mitsuba.parameters import changeable
+from cuticle.mitsuba.spectra import spectrum, tensor
 from cuticle.sampling.lobe_table import SIGMA_PHI, SIGMA_THETA
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.chiang import Chiang
@@ -23,10 +25,6 @@ from cuticle.scattering.fibre_tables import AVERAGE_LIMIT
 from cuticle.scattering.host_tables import TOLERANCE
 from cuticle.scattering.marschner import Marschner
 from cuticle.scattering.through_strands import passed_through, through_tables
-
-# Where a spectrum of three values turns from blue to green and from green to red, nm.
-PRIMARY_EDGES = (453.5, 512.9, 587.6, 598.4)
-_WAVELENGTHS = (360.0, *PRIMARY_EDGES, 830.0)
 
 _SIZES = (4, 8, 16, 32)  # numbers of lobes that the plugin is compiled for
 _RATIO = 1.3  # between neighbouring absorptions of the tables
@@ -64,34 +62,43 @@ def _tables(fibre: Fibre | Chiang, ranged: bool) -> _Tables:
     return _Tables(absorption, low, among_others(wide) if with_others else None, alone(wide))
 
 
-def build(material: Material, *, scale: Any = None, sigma_a: Any = None, scene: Mapping[str, Any] | None = None) -> Any:
+def build(
+    material: Material, *, scale: Any = None, textures: Mapping[str, Any] | None = None,
+    scene: Mapping[str, Any] | None = None, tables: Any = None,
+) -> Any:  # fmt: skip
     """Return Mitsuba's BSDF for a material.
 
-    `scale`, a number or a texture, multiplies the absorption. `sigma_a`, a texture or a spectrum, takes the place of the
-    near field's own. `scene` are the parameters that the material was read from, by which the plugin makes itself again
-    when one of its `changeable` ones is changed; without them it shows none.
+    `scale`, a number or a texture, multiplies the absorption. `textures` take the place of parameters of a material in
+    closed form. `scene` are the parameters that the material was read from, by which the plugin makes itself again when a
+    number is changed; without them it shows none. `tables`, a texture of the absorption or True, asks for what a material in
+    closed form needs among strands.
     """
-    fibre = material.fibre
+    fibre, textures = material.fibre, textures or {}
     closed = isinstance(fibre, (Fibre, Chiang)) and material.among is None
     if scale is not None and not closed:
         raise ValueError("scale multiplies a fibre's absorption (a Fibre's, or Chiang's on its own); a table has none")
-    props = mi.Properties("cuticle_near" if material.near else "cuticle_bsdf" if closed else "cuticle_table")
-    if isinstance(fibre, Chiang) and material.near:
-        _near_field(props, fibre)
-    elif isinstance(fibre, (Fibre, Chiang)) and closed:
-        _closed_forms(props, fibre, scale is not None or scene is None or (mi.is_spectral and fibre.channels > 1))
+    if textures and not material.own:
+        raise ValueError(
+            f"{min(textures)} as a texture needs a closed form: a Fibre's of the exact formulation or Chiang's, and sampling"
+            " function; of any other, tables and lobes are made for numbers"
+        )
+    if material.own:
+        props = closed_form(material, textures, scale, tables)
     else:
-        _function_tables(props, material)
-    for name, value in (("scale", scale), ("sigma_a", sigma_a)):
-        if value is not None:
-            props[name] = value
-    for name, sampler in (("single", material.single), ("combined", material.combined)):
-        if sampler is not None:
-            props[name] = _tensor(_padded(sampler))
-            props[f"{name}_even"] = sampler.even
+        props = mi.Properties("cuticle_bsdf" if closed else "cuticle_table")
+        if isinstance(fibre, (Fibre, Chiang)) and closed:
+            _fibre_tables(props, fibre, scale is not None or scene is None or (mi.is_spectral and fibre.channels > 1))
+        else:
+            _function_tables(props, material)
+        if scale is not None:
+            props["scale"] = scale
+        for name, sampler in (("single", material.single), ("combined", material.combined)):
+            if sampler is not None:
+                props[name] = tensor(_padded(sampler))
+                props[f"{name}_even"] = sampler.even
     if scene is not None:
-        props["scene"], props["numbers"] = _properties(scene), _properties(changeable(fibre))
-    props["about"] = _describe(material, sigma_a is not None)
+        props["scene"], props["numbers"] = _properties(scene), _properties({} if material.own else changeable(fibre))
+    props["about"] = _describe(material)
     return mi.PluginManager.instance().create_object(props)
 
 
@@ -102,7 +109,7 @@ def _properties(values: Mapping[str, Any]) -> Any:
     return out
 
 
-def _closed_forms(props: Any, fibre: Fibre | Chiang, ranged: bool) -> None:
+def _fibre_tables(props: Any, fibre: Fibre | Chiang, ranged: bool) -> None:
     tables = _tables(fibre, ranged)
     lobes = fibre.half_angle_lobes if isinstance(fibre, Chiang) else (fibre.alpha, fibre.beta)
     for name, radians in zip(("alpha", "beta"), lobes, strict=True):
@@ -114,35 +121,21 @@ def _closed_forms(props: Any, fibre: Fibre | Chiang, ranged: bool) -> None:
     props["exact_channels"] = fibre.channels
     props["sigma_a_low"] = tables.low
     props["sigma_a_ratio"] = _RATIO
-    props["direct"] = _tensor(tables.single.tables.direct)
+    props["direct"] = tensor(tables.single.tables.direct)
     if tables.model is not None:
         passed, limit = passed_through(tables.model.fibre)
-        props["transmittance"], props["transmittance_limit"] = _tensor(passed), limit
+        props["transmittance"], props["transmittance_limit"] = tensor(passed), limit
         if tables.model.formulation == "exact":
             through = through_tables(tables.model.fibre)
-            props["through_lobes"], props["through_azimuth"] = _tensor(through.lobes), _tensor(through.azimuth)
-            props["through_behind"], props["through_limit"] = _tensor(through.behind), through.limit
+            props["through_lobes"], props["through_azimuth"] = tensor(through.lobes), tensor(through.azimuth)
+            props["through_behind"], props["through_limit"] = tensor(through.behind), through.limit
         else:
-            props["spread"] = _tensor(tables.model.single.tables.spread)
-            props["averages"] = _tensor(tables.model.average_table)
+            props["spread"] = tensor(tables.model.single.tables.spread)
+            props["averages"] = tensor(tables.model.average_table)
     if isinstance(tables.single, Chiang):
-        props["rest"] = _tensor(tables.single.rest)
+        props["rest"] = tensor(tables.single.rest)
         props["rest_variance"] = float(tables.single.variance[3])
-    _own_absorption(props, fibre)
-
-
-def _near_field(props: Any, fibre: Chiang) -> None:
-    props["eta"] = fibre.eta
-    props["logistic_scale"] = fibre.scale
-    for p, (variance, tilt) in enumerate(zip(fibre.variance.tolist(), fibre.tilt.tolist(), strict=True)):
-        props[f"variance_{p}"] = variance
-        props[f"tilt_{p}"] = tilt
-    _own_absorption(props, fibre)
-
-
-def _own_absorption(props: Any, fibre: Fibre | Chiang) -> None:
-    props["sigma_a"] = _spectrum(fibre.absorption)
-    props["absorption"] = str(fibre.absorption)
+    props["sigma_a"], props["absorption"] = spectrum(fibre.absorption), str(fibre.absorption)
 
 
 def _function_tables(props: Any, material: Material) -> None:
@@ -153,43 +146,21 @@ def _function_tables(props: Any, material: Material) -> None:
         table = function_table(function, COUNTS if prefix == "among_" else (0.0,))
         props[f"{prefix}strands"] = " ".join(map(str, table.strands))
         for name in ("shape", "log_energy"):
-            props[prefix + name] = _tensor(getattr(table, name))
+            props[prefix + name] = tensor(getattr(table, name))
         for name in ("reach", "stretch", "even"):
             props[prefix + name] = getattr(table, name)
     if material.among is not None:
         passed, limit = material.among.passed
-        props["transmittance"], props["transmittance_limit"] = _tensor(passed), limit
+        props["transmittance"], props["transmittance_limit"] = tensor(passed), limit
     if mi.is_spectral and table.channels == 3:
         for name, primary in zip(("red", "green", "blue"), np.eye(3).tolist(), strict=True):
-            props[name] = _spectrum(tuple(primary))
+            props[name] = spectrum(tuple(primary))
 
 
 @lru_cache(maxsize=8)
 def function_table(function: Any, counts: tuple[float, ...]) -> FunctionTable:
     """Return the table that stands for a function in the plugin."""
     return tabulate_function(function, counts, TOLERANCE)
-
-
-def _spectrum(values: tuple[float, ...]) -> Any:
-    """One value, or one for each primary, as Mitsuba takes it: a number, a colour or, in spectral variants, a spectrum.
-
-    Mitsuba would make a smooth spectrum of a colour, which leaves dark hair with too much blue: what is seen is
-    exp(-sigma_a), not sigma_a. One value a primary, between PRIMARY_EDGES, gives the colour back
-    (benchmarks/spectrum.py).
-    """
-    if len(values) == 1:
-        return values[0]
-    if mi.is_rgb:
-        return mi.ScalarColor3d(*values)
-    red, green, blue = values
-    steps = (blue, blue, green, green, red, red)
-    return mi.load_dict(
-        {"type": "irregular", "wavelengths": ", ".join(map(str, _WAVELENGTHS)), "values": ", ".join(map(str, steps))}
-    )
-
-
-def _tensor(values: NDArray[np.float64]) -> Any:
-    return mi.TensorXf(np.ascontiguousarray(values, np.float32))
 
 
 def _padded(sampler: Sampler) -> NDArray[np.float64]:
@@ -202,7 +173,7 @@ def _padded(sampler: Sampler) -> NDArray[np.float64]:
     return out
 
 
-def _describe(material: Material, textured: bool) -> str:
+def _describe(material: Material) -> str:
     def text(name: str, sampler: Sampler | None) -> str:
         if sampler is None:
             return f"{name} = uniform sphere"
@@ -213,10 +184,8 @@ def _describe(material: Material, textured: bool) -> str:
     if isinstance(material.fibre, Fibre):
         values = ", ".join(f"{k}={v}" for k, v in material.fibre.model_dump(exclude_none=True).items())
         fibre = f"[{values}]"
-    if material.near and textured:
-        fibre = fibre.replace("sigma_a=(1.0,)", "sigma_a as below")
-    if material.near:
-        return f"fibre = {fibre},\nsampling = near field, its own lobes"
+    if material.own:
+        return f"fibre = {fibre},\nsampling = {'near' if material.near else 'far'} field, its own density"
     lines = [f"fibre = {fibre}", text("sampling", material.single)]
     if material.combined is not None:
         lines.append(text("sampling among strands", material.combined))

@@ -15,7 +15,7 @@ from cuticle.scattering.chiang import Chiang
 from cuticle.scattering.fibre import Fibre
 
 _CHIANG = frozenset(Chiang.model_fields) - frozenset(Fibre.model_fields)
-_DENSITIES = ("d_f", "d_b")
+DENSITIES = ("d_f", "d_b")
 
 
 def read_sampler(asked: Parameters) -> Sampler | None:
@@ -39,9 +39,11 @@ def read_function(asked: Parameters, loaded: Sampler | None) -> Any:
     if isinstance(function, Fibre) or (function is None and not _CHIANG & own.keys()):
         return _fibre(function, own)
     among = among or isinstance(function, Strands)
-    single = _changed(function, {k: v for k, v in own.items() if not (among and k in _DENSITIES)})
+    # Chiang's far field has tables among strands as soon as they are asked for.
+    other = among or (not asked.near and (function is None or isinstance(function, Chiang)))
+    single = _changed(function, {k: v for k, v in own.items() if not (other and k in DENSITIES)})
     # These stand for gaps between strands. Here strands are counted, gaps and all: 0.7 would take them off twice.
-    return _among(single, *(own.get(name, 1.0) for name in _DENSITIES)) if among else single
+    return _among(single, *(own.get(name, 1.0) for name in DENSITIES)) if among else single
 
 
 def _fibre(fibre: Fibre | None, own: dict[str, Any]) -> Fibre:
@@ -49,7 +51,7 @@ def _fibre(fibre: Fibre | None, own: dict[str, Any]) -> Fibre:
     if fibre is None:
         fibre = Fibre(**own)
     if fibre.formulation == "exact":
-        own = {**dict.fromkeys(_DENSITIES, 1.0), **own}  # as in read_function
+        own = {**dict.fromkeys(DENSITIES, 1.0), **own}  # as in read_function
     return fibre.replace(**own) if own else fibre
 
 

@@ -8,12 +8,13 @@ from typing import Any, NamedTuple
 from cuticle.draft.functions import find_functions
 from cuticle.draft.tables import highlight_axis, table_2, table_3
 from cuticle.fitting.closed_forms import DRAFT, DocumentFunctions
-from cuticle.fitting.fit import fit
-from cuticle.mitsuba.function import read_function, read_sampler
+from cuticle.fitting.fit import OWN, fit
+from cuticle.mitsuba.function import DENSITIES, read_function, read_sampler
 from cuticle.mitsuba.parameters import Parameters
 from cuticle.sampling.combining import combine
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.among_strands import Strands
+from cuticle.scattering.any_fibre import family
 from cuticle.scattering.bcsdf import Bcsdf
 from cuticle.scattering.chiang import Chiang
 from cuticle.scattering.dual_scattering import DualScattering
@@ -34,15 +35,24 @@ class Material(NamedTuple):
         The sampler of a strand among others, for any number in between; None if that is unknown.
     among
         The function among strands, if `fibre` is not a `Fibre`.
+    own
+        Whether directions are drawn from the function's own density, in closed form: then no sampler is fitted.
     near
-        Whether it is Chiang's near field, which has a sampler of its own.
+        Whether it is Chiang's near field.
+    densities
+        d_f and d_b of a function in closed form.
+    direct_share
+        Of directions among strands, how many are drawn as for a single strand.
     """
 
     fibre: Fibre | Chiang | Bcsdf
     single: Sampler | None
     combined: Sampler | None
     among: Strands | None = None
+    own: bool = False
     near: bool = False
+    densities: tuple[float, float] = (1.0, 1.0)
+    direct_share: float = 0.5
 
 
 def read_material(given: dict[str, Any]) -> Material:
@@ -58,7 +68,28 @@ def read_material(given: dict[str, Any]) -> Material:
     function = read_function(asked, loaded)
     if asked.near:
         return _near(function, asked)
+    if asked.sampling == OWN or (asked.sampling is None and loaded is None):
+        single: Any = function.model if isinstance(function, Strands) else function
+        if (reason := _no_closed_form(single)) is None:
+            _check_channels(single.channels)
+            d = [float(asked.own.get(name, getattr(single, name, 1.0))) for name in DENSITIES]
+            return Material(single, None, None, own=True, densities=(d[0], d[1]), direct_share=asked.direct_share)
+        if asked.sampling == OWN:
+            raise ValueError(f"sampling {OWN}: {reason}; use lobes")
     return (_of_fibre if isinstance(function, Fibre) else _of_function)(function, asked, loaded)
+
+
+def _no_closed_form(function: Any) -> str | None:
+    """Why a function's far field has none to draw from."""
+    if isinstance(function, Fibre) and function.formulation != "exact":
+        return f"formulation {function.formulation} has no density of its own"
+    if not isinstance(function, (Fibre, Chiang)):
+        return f"a {type(function).__name__} is no fibre of R, TT and TRT"
+    try:
+        family("marschner" if isinstance(function, Fibre) else "chiang").sampler_at(function)
+    except ValueError as error:
+        return str(error)
+    return None
 
 
 def _near(function: Any, asked: Parameters) -> Material:
@@ -67,19 +98,19 @@ def _near(function: Any, asked: Parameters) -> Material:
             f"near needs Chiang's function (beta_m, beta_n and an absorption, or a TOML file with [chiang]); got a"
             f" {type(function).__name__}"
         )
-    if asked.sampling != "lobes":
+    if asked.sampling not in (None, OWN):
         raise ValueError(f"near draws from its own function: leave sampling out, got {asked.sampling!r}")
     _check_channels(function.channels)
-    return Material(function, None, None, near=True)
+    return Material(function, None, None, own=True, near=True)
 
 
 def _of_fibre(fibre: Fibre, asked: Parameters, loaded: Sampler | None) -> Material:
     _check_channels(fibre.channels)
     if asked.sampling == "uniform":
         return Material(fibre, None, None)
-    if loaded is not None and asked.sampling == "lobes":
+    if loaded is not None and asked.sampling in (None, "lobes"):
         return Material(fibre, *_rows(loaded, asked.direct_share))
-    return Material(fibre, *_samplers(fibre, asked.lobes, asked.sampling, asked.direct_share))
+    return Material(fibre, *_samplers(fibre, asked.lobes, asked.sampling or "lobes", asked.direct_share))
 
 
 def _of_function(function: Any, asked: Parameters, loaded: Sampler | None) -> Material:

@@ -30,7 +30,7 @@ class Parameters(BaseModel):
     strands
         Whether a function of one strand is to be put among strands.
     sampling, lobes, direct_share
-        How directions are drawn.
+        How directions are drawn. Without `sampling`, from the function where it has closed forms, else from lobes.
     own
         The parameters of a `Fibre` or a `Chiang` that the scene sets itself.
 
@@ -46,7 +46,7 @@ class Parameters(BaseModel):
     filename: str | None
     near: bool
     strands: bool
-    sampling: str
+    sampling: str | None
     lobes: int
     direct_share: float
     own: dict[str, Any]
@@ -56,13 +56,16 @@ class Parameters(BaseModel):
             if name not in _NAMES and name not in _OWN:
                 raise ValueError(f"cuticle has no parameter {name!r}; it has {', '.join(_NAMES)}, or a fibre's own")
         own = {name: _plain(given[name]) for name in _OWN if name in given}
+        sampling = validate.choice("sampling", given["sampling"], SAMPLINGS) if "sampling" in given else None
+        if "lobes" in given and sampling not in (None, "lobes"):
+            raise ValueError(f"lobes is their number, for sampling lobes; leave it out for sampling {sampling}")
         near = validate.flag("near", given.get("near", False))
         super().__init__(
             fibre=_name(str(given["fibre"])) if "fibre" in given else None,
             filename=_path(str(given["filename"])) if "filename" in given else None,
             near=near,
             strands=validate.flag("strands", given.get("strands", False)) and not near,
-            sampling=validate.choice("sampling", given.get("sampling", "lobes"), SAMPLINGS),
+            sampling="lobes" if sampling is None and "lobes" in given else sampling,
             lobes=validate.integer("lobes", given.get("lobes", 4), 1, MAX_LOBES // 2),
             direct_share=validate.number("direct_share", given.get("direct_share", 0.5), 0.01, 0.99),
             own=own,

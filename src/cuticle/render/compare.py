@@ -15,7 +15,7 @@ from cuticle._support import validate
 from cuticle._support.files import make_directory, write_bytes, write_text
 from cuticle._support.plots import figure_bytes
 from cuticle._support.progress import Progress, expect
-from cuticle.fitting.fit import SAMPLINGS
+from cuticle.fitting.fit import FITTED
 from cuticle.grooms.groom import Groom
 from cuticle.render.picture import Image, Pass, expected_seconds, over_backdrop, passes, rel_mse, render, srgb
 from cuticle.render.scene import Light, View, bsdf, integrator, load_scene, mitsuba
@@ -147,7 +147,7 @@ def compare_samplings(
         return load_scene(mi, groom, bsdf(fibre, sampling), view=view, light=light, technique=how)
 
     best = scene("lobes", "mis")
-    cases = [(s, t) for t in techniques for s in SAMPLINGS[::-1]]
+    cases = [(s, t) for t in techniques for s in FITTED[::-1]]
     long, compiling = expected_seconds(best, reference_spp), 0.0  # of the reference; of each other
     if long is None:  # a traced variant: the first pass of this size compiles, the second shows the pace
         first, second = passes(best, 2 * _PACE_SPP, step=_PACE_SPP)
@@ -212,7 +212,7 @@ def sheet(comparison: Comparison) -> bytes:
     diverging = colormaps["RdBu_r"]
 
     techniques = list(dict.fromkeys(c.technique for c in comparison.contenders))
-    columns = [*SAMPLINGS[::-1], "reference"]
+    columns = [*FITTED[::-1], "reference"]
     height, width = comparison.reference.shape[:2]
     window = _window(comparison.reference, max(min(height, width) // 5, 4))
     bright = over_backdrop(comparison.reference)

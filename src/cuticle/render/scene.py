@@ -178,11 +178,15 @@ def bust_shape(mi: Any, bust: Bust, grey: float = 0.06) -> Any:
     return mesh
 
 
-def bsdf(fibre: str, sampling: str = "lobes", **parameters: Any) -> dict[str, Any]:
-    """Return the BSDF as Mitsuba's dictionary; `fibre` is a preset, a TOML file, a table or a sampler's JSON file."""
-    validate.choice("sampling", sampling, SAMPLINGS)
+def bsdf(fibre: str, sampling: str | None = None, **parameters: Any) -> dict[str, Any]:
+    """Return the BSDF as Mitsuba's dictionary; `fibre` is a preset, a TOML file, a table or a sampler's JSON file.
+
+    Without `sampling` directions are drawn from the function itself where it has a closed form, otherwise from lobes.
+    """
+    if sampling is not None:
+        parameters["sampling"] = validate.choice("sampling", sampling, SAMPLINGS)
     key = "filename" if str(fibre).endswith(".json") else "fibre"
-    return {"type": "cuticle", key: str(fibre), "sampling": sampling, **parameters}
+    return {"type": "cuticle", key: str(fibre), **parameters}
 
 
 def integrator(kind: str, *, depth: int = 32, hide: bool = True, **parameters: Any) -> dict[str, Any]:

@@ -29,22 +29,22 @@ class Parameter:
     unit: str = ""
 
 
-_DEGREES = "degrees"
+DEGREES = "degrees"
 _ETA = Parameter(1.05, 3.0, 1.55)
 FORMS: dict[str, dict[str, Parameter]] = {
     "chiang": {
-        "beta_m": Parameter(0.05, 1, 0.3), "beta_n": Parameter(0.05, 1, 0.3), "alpha": Parameter(-20, 20, 2.0, _DEGREES),
+        "beta_m": Parameter(0.05, 1, 0.3), "beta_n": Parameter(0.05, 1, 0.3), "alpha": Parameter(-20, 20, 2.0, DEGREES),
         "eta": _ETA,
     },
     "marschner": {
-        "alpha_R": Parameter(-45, 45, -7.5, _DEGREES), "alpha_TT": Parameter(-45, 45, None, _DEGREES),
-        "alpha_TRT": Parameter(-45, 45, None, _DEGREES), "beta_R": Parameter(0.5, 60, 7.5, _DEGREES),
-        "beta_TT": Parameter(0.25, 60, None, _DEGREES), "beta_TRT": Parameter(0.5, 90, None, _DEGREES),
-        "beta_N": Parameter(1, 45, 10.0, _DEGREES), "eta": _ETA,
+        "alpha_R": Parameter(-45, 45, -7.5, DEGREES), "alpha_TT": Parameter(-45, 45, None, DEGREES),
+        "alpha_TRT": Parameter(-45, 45, None, DEGREES), "beta_R": Parameter(0.5, 60, 7.5, DEGREES),
+        "beta_TT": Parameter(0.25, 60, None, DEGREES), "beta_TRT": Parameter(0.5, 90, None, DEGREES),
+        "beta_N": Parameter(1, 45, 10.0, DEGREES), "eta": _ETA,
     },
 }  # fmt: skip
 # Of a lobe that is left out, out of R's, as `Fibre` has it.
-_OF_R = {"alpha_TT": -0.5, "alpha_TRT": -1.5, "beta_TT": 0.5, "beta_TRT": 2.0}
+OF_R = {"alpha_TT": -0.5, "alpha_TRT": -1.5, "beta_TT": 0.5, "beta_TRT": 2.0}
 _ABSORPTION = ("sigma_a", "eumelanin", "pheomelanin", "color")
 
 
@@ -141,11 +141,11 @@ class Family(Value):
         for name, p in self.parameters.items():
             if name not in found and p.default is not None:
                 found[name] = np.array(p.default)
-        for name, share in _OF_R.items():
+        for name, share in OF_R.items():
             if name in self.parameters and name not in found:
                 found[name] = share * found[f"{name.split('_')[0]}_R"]
         sigma_a = self._absorption(given, found.get("beta_n"))
-        columns = [np.radians(found[n]) if p.unit == _DEGREES else found[n] for n, p in self.parameters.items()]
+        columns = [np.radians(found[n]) if p.unit == DEGREES else found[n] for n, p in self.parameters.items()]
         shape = validate.broadcast(**dict(zip(self.parameters, columns, strict=True)), absorption=sigma_a[..., 0])
         parameters = np.stack([np.broadcast_to(c, shape) for c in columns], axis=-1)
         return Fibres(self.form, parameters, np.broadcast_to(sigma_a, (*shape, sigma_a.shape[-1])))

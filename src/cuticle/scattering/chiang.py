@@ -23,7 +23,7 @@ from cuticle.scattering.fibre_tables import FibreTables
 from cuticle.scattering.registry import first_class
 
 PARTS = ("R", "TT", "TRT", "rest")
-_RANGES: validate.Ranges = {
+RANGES: validate.Ranges = {
     "beta_m": (conventions.LEAST_ROUGHNESS, 1, "", "hair has 0.2 to 0.4; 0 would be a mirror without a density", False),
     "beta_n": (conventions.LEAST_ROUGHNESS, 1, "", "hair has 0.2 to 0.4; 0 would be a mirror without a density", False),
     "alpha": (-20, 20, "degrees", "hair has 2 to 3; negative leans toward the tip", False),
@@ -313,7 +313,7 @@ def _checked(values: dict[str, Any]) -> dict[str, Any]:
     unknown = sorted(set(values) - set(Chiang.model_fields))
     if unknown:
         raise ValueError(f"Chiang has no parameter {unknown[0]!r}; it has {', '.join(Chiang.model_fields)}")
-    out = validate.ranges(values, _RANGES)
+    out = validate.ranges(values, RANGES)
     pigments = {"eumelanin", "pheomelanin"} & out.keys()
     given = [*(["pigments"] if pigments else []), *(name for name in ("sigma_a", "color") if name in out)]
     if len(given) > 1:

@@ -3,15 +3,32 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cuticle import _core
-from cuticle.scattering.through_strands import ThroughTables
 
 AVERAGE_LIMIT = np.radians(89.5)  # at the pole itself Fresnel's term is 1 and nothing is ever absorbed
+
+
+class ThroughTables(NamedTuple):
+    """What the core's ThroughTable views (through_strands.h).
+
+    - `lobes`, (arrangements, slots, rows, 4, parts, channels): log energy, how far it lies halfway to the next slot above
+      the mean of both, axis and variance of M in theta, radians. Rows are theta_r from -limit to limit.
+    - `azimuth`, (arrangements, slots, azimuth rows, columns, parts, channels): densities over phi from 0 to pi, which
+      integrate to 1 over the whole turn.
+    - `behind`, (rows, 3, channels): the rates at which the backscatter of direct and of scattered light grows with the
+      strands behind, out of a half space's; and what comes through strands where none stands behind, out of what does
+      before a half space.
+    """
+
+    lobes: NDArray[np.float64]
+    azimuth: NDArray[np.float64]
+    behind: NDArray[np.float64]
+    limit: float
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,59 +14,67 @@ from scipy.stats import poisson
 
 from cuticle import _core
 from cuticle.scattering.azimuthal import azimuthal_tables
+from cuticle.scattering.chiang import Chiang
 from cuticle.scattering.fibre import Fibre
+from cuticle.scattering.fibre_tables import ThroughTables
 from cuticle.scattering.strand_transport import PASSED, Directions, Scattering, StrandTransport, azimuth_cells
 
 Array = NDArray[np.float64]
 # The core's nodes, 0, 1, 2, 4, 8 and 16 strands, and halfway between them.
 _COUNTS = (0, 1, 2, 3, 4, 6, 8, 12, 16)
 _DEPTHS = (0, 1 / 16, 1 / 8, 1 / 2, 1, 3 / 2, 2, 3, 4, 6, 8, 12, 16)
-_AZIMUTH_ROWS = 4  # rows of the transport for one of the azimuth table
+AZIMUTH_ROWS = 4  # rows of the transport for one of the azimuth table
+COUNTED_2 = 3  # of the slots for sheets, that of 2 of them
 _DARKEST = -230.0  # ln of the least energy that keeps its shape
 _APART = math.log(1.6)  # between absorptions that are solved; those between are interpolated
 _OWN = 3  # the first, which are a fibre's own where a range for textures follows, are always solved
 
 
-class ThroughTables(NamedTuple):
-    """What the core's ThroughTable views (through_strands.h).
+def through_tables(fibre: Fibre | Chiang, *, medium: bool = False) -> ThroughTables:
+    """Return the tables of a fibre, one column an absorption: for sheets, and for a lock or a medium.
 
-    - `lobes`, (arrangements, slots, rows, 4, parts, channels): log energy, how far it lies halfway to the next slot above
-      the mean of both, axis and variance of M in theta, radians. Rows are theta_r from -limit to limit.
-    - `azimuth`, (arrangements, slots, azimuth rows, columns, parts, channels): densities over phi from 0 to pi, which
-      integrate to 1 over the whole turn.
-    - `behind`, (rows, 3, channels): the rates at which the backscatter of direct and of scattered light grows with the
-      strands behind, out of a half space's; and what comes through strands where none stands behind, out of what does
-      before a half space.
+    Of Chiang's fibres the orders past TRT are in TRT.
     """
-
-    lobes: Array
-    azimuth: Array
-    behind: Array
-    limit: float
+    return _tables(_plain(fibre), medium).through
 
 
-def through_tables(fibre: Fibre, *, medium: bool = False) -> ThroughTables:
-    """Return the tables of a fibre, one column an absorption: for sheets, and for a lock or a medium."""
-    return _tables(fibre.replace(d_f=1.0, d_b=1.0, formulation="exact"), medium)[0]  # neither changes them
-
-
-def passed_through(fibre: Fibre) -> tuple[Array, float]:
+def passed_through(fibre: Fibre | Chiang) -> tuple[Array, float]:
     """Return `transmittance_table` of a fibre, one column an absorption, and the largest inclination of its rows."""
-    tables, passed = _tables(fibre.replace(d_f=1.0, d_b=1.0, formulation="exact"), False)
-    return passed, tables.limit
+    tables = _tables(_plain(fibre), False)
+    return tables.passed, tables.through.limit
+
+
+def own_energies(fibre: Fibre | Chiang) -> Array:
+    """Return what a strand on its own scatters by R, TT and TRT, out of 1, in the rows of `through_tables`.
+
+    Shape (rows, 3, channels); at least exp(-230), as in the tables.
+    """
+    return _tables(_plain(fibre), False).own
+
+
+class _Tables(NamedTuple):
+    through: ThroughTables
+    passed: Array
+    own: Array
+
+
+def _plain(fibre: Fibre | Chiang) -> Fibre | Chiang:
+    """Without what does not change the tables."""
+    if isinstance(fibre, Chiang):
+        return fibre.with_absorption(fibre.absorption)
+    return fibre.replace(d_f=1.0, d_b=1.0, formulation="exact", sigma_a=fibre.absorption)
 
 
 @lru_cache(maxsize=16)
-def _tables(fibre: Fibre, medium: bool) -> tuple[ThroughTables, Array]:
+def _tables(fibre: Fibre | Chiang, medium: bool) -> _Tables:
     absorption = np.array(fibre.absorption)
     solved = _solved(absorption)
-    direct = azimuthal_tables(fibre.eta, fibre.absorption, float(np.radians(fibre.beta_N)), True).direct
-    columns = [_column(fibre, direct[..., int(np.argmax(absorption == a))], medium) for a in solved]
+    columns = [_column(fibre, int(np.argmax(absorption == a)), medium) for a in solved]
     tables = [_between(solved, np.stack(x, axis=-1), absorption) for x in zip(*columns, strict=True)]
     for table in tables:
         table.setflags(write=False)
-    lobes, azimuth, behind, passed = tables
-    return ThroughTables(lobes, azimuth, behind, float(Directions().theta[-1])), passed
+    lobes, azimuth, behind, passed, own = tables
+    return _Tables(ThroughTables(lobes, azimuth, behind, float(Directions().theta[-1])), passed, own)
 
 
 def _solved(absorption: Array) -> Array:
@@ -89,10 +97,11 @@ def _between(solved: Array, values: Array, absorption: Array) -> Array:
     return out
 
 
-def _column(fibre: Fibre, direct: Array, medium: bool) -> tuple[Array, ...]:
-    """The tables of one absorption, without their last axis, from its N: (rows, columns, lobes)."""
+def _column(fibre: Fibre | Chiang, channel: int, medium: bool) -> tuple[Array, ...]:
+    """The tables of one absorption, without their last axis."""
     d = Directions()
-    transport = StrandTransport(_parts(fibre, direct, d))
+    parts = _parts(fibre, channel, d)
+    transport = StrandTransport(parts)
     sine = np.sin(d.theta)
     functions = np.stack([np.ones_like(sine), sine, sine**2], axis=1)
     sheets = transport.through_sheets(functions, _COUNTS)
@@ -105,7 +114,8 @@ def _column(fibre: Fibre, direct: Array, medium: bool) -> tuple[Array, ...]:
     halfway = np.stack([[one, half, *sheets[[3, 5, 7]]], random[[3, 5, 7, 9, 11]]])
     # A sheet more leaves 1 - share of what is missing; a Poisson number of them, exp(-share b).
     passed = transmittance_table([transport])[..., 0]
-    return *_lobes_and_azimuth(d, nodes, halfway), transport.one_behind()[:, ::-1].T, passed
+    own = np.maximum(np.array([p.energy[::-1] for p in parts]).T, math.exp(_DARKEST))
+    return *_lobes_and_azimuth(d, nodes, halfway), transport.one_behind()[:, ::-1].T, passed, own
 
 
 def transmittance_table(transports: Sequence[StrandTransport]) -> Array:
@@ -138,17 +148,31 @@ def _scattered(random: Array) -> Array:
     return out
 
 
-def _parts(fibre: Fibre, direct: Array, d: Directions) -> list[Scattering]:
+def _parts(fibre: Fibre | Chiang, channel: int, d: Directions) -> list[Scattering]:
     """R, TT and TRT, each a product of N_p at the viewer's inclination and M_p."""
+    if isinstance(fibre, Chiang):
+        direct, (alpha, beta) = fibre.tables.direct, fibre.half_angle_lobes
+    else:
+        direct = azimuthal_tables(fibre.eta, fibre.absorption, float(np.radians(fibre.beta_N)), True).direct
+        alpha, beta = fibre.alpha, fibre.beta
     rows, columns = (np.linspace(0, end, n) for end, n in zip((np.pi / 2, np.pi), direct.shape, strict=False))
     parts = []
-    for p, (alpha, beta) in enumerate(zip(fibre.alpha, fibre.beta, strict=True)):
-        along = np.array([np.interp(d.fine_phi, columns, row) for row in direct[..., p]])
+    for p in range(3):
+        along = np.array([np.interp(d.fine_phi, columns, row) for row in direct[..., p, channel]])
         density = np.array([np.interp(np.abs(d.theta), rows, column) for column in along.T]).T
-        cell, point = azimuth_cells(d, density)
-        into = longitudinal_cells(d, d.theta + 2 * alpha, np.full(d.rows, 4 * beta**2))
-        parts.append(Scattering(d, cell[:, :, None] * into, point[:, :, None] * into))
+        parts.append(_part(d, density, 2 * alpha[p], 4 * beta[p] ** 2))
+    if isinstance(fibre, Chiang):
+        rest = np.interp(np.abs(d.theta), np.linspace(0, np.pi / 2, len(fibre.rest)), fibre.rest[:, channel])
+        even = np.repeat(rest[:, None] / (2 * np.pi), len(d.fine_phi), axis=1)
+        parts[2] = parts[2] + _part(d, even, 0.0, float(fibre.variance[3]))
     return parts
+
+
+def _part(d: Directions, density: Array, tilt: float, variance: float) -> Scattering:
+    """A product of densities of phi, (rows, fine_phi), and of an M."""
+    cell, point = azimuth_cells(d, density)
+    into = longitudinal_cells(d, d.theta + tilt, np.full(d.rows, variance))
+    return Scattering(d, cell[:, :, None] * into, point[:, :, None] * into)
 
 
 def longitudinal_cells(d: Directions, axis: Array, variance: Array) -> Array:
@@ -170,7 +194,7 @@ def _lobes_and_azimuth(d: Directions, seen: Array, halfway: Array) -> tuple[Arra
     between = _log(np.einsum("asjnr,n->asrj", halfway, d.node_weights))
     bend[:, 1:-1] = between - 0.5 * (log_energy[:, 1:-1] + log_energy[:, 2:])
     axis, variance = axis_and_variance(whole[..., 1] / energy, whole[..., 2] / energy)
-    density = np.maximum(np.moveaxis(seen[..., 0], (2, 4), (4, 2))[:, :, ::_AZIMUTH_ROWS], 0)
+    density = np.maximum(np.moveaxis(seen[..., 0], (2, 4), (4, 2))[:, :, ::AZIMUTH_ROWS], 0)
     total = np.einsum("asrnj,n->asrj", density, d.node_weights)[:, :, :, None]
     uniform = total <= math.exp(_DARKEST)
     azimuth = np.where(uniform, 0.5 / np.pi, density / np.where(uniform, 1, total))

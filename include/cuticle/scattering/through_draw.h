@@ -1,0 +1,128 @@
+// Draws directions from what comes through a fixed number of strands, all colours together: for renderers that know how many
+// there are only once they have a direction. The parts are those of through_strands.h; the mixture of their M and of their
+// densities of azimuth, linear between nodes, is drawn from exactly.
+#ifndef CUTICLE_SCATTERING_THROUGH_DRAW_H
+#define CUTICLE_SCATTERING_THROUGH_DRAW_H
+
+#include "cuticle/sampler/sample.h"
+#include "cuticle/scattering/through_strands.h"
+
+namespace cuticle {
+
+enum ThroughDrawColumn { draw_energy, draw_axis, draw_variance, draw_columns };
+
+template <class Scalar, class Memory = const Scalar *> struct ThroughDraw {
+    Memory lobes;    // [row][part][column], theta_r from -limit to limit; the energies are out of the strand's own parts'
+    Memory azimuth;  // [azimuth row][part][node][density, its integral from 0], phi from 0 to pi; in all ½
+    int rows, azimuth_rows, nodes;
+    Scalar limit;
+};
+
+// The parts for one viewer and strand; their shares sum to 1.
+template <class Float> struct ThroughMixture {
+    Float share[through_parts], axis[through_parts], variance[through_parts];
+    Place<Float> azimuth_row;
+};
+
+// `own`: energies of the strand's parts by luminance, and how its M differs from that of the others.
+template <class Float, class Scalar, class Memory>
+CUTICLE_HD ThroughMixture<Float> through_mixture(const ThroughDraw<Scalar, Memory> &table, const Float &theta_r,
+                                                 const OwnParts<Float> &own) {
+    using Index = typename ArrayTraits<Float>::Index;
+    const Place<Float> row = locate_viewer(theta_r, table.rows, Float(table.limit));
+    const auto value = [&](int part, int column) {
+        const Index i = row.node * Index(through_parts * draw_columns) + Index(part * draw_columns + column);
+        return math::linear(Float(ArrayTraits<Float>::gather(table.lobes, i)),
+                            Float(ArrayTraits<Float>::gather(table.lobes, Index(i + Index(through_parts * draw_columns)))),
+                            row.t);
+    };
+    ThroughMixture<Float> mix;
+    mix.azimuth_row = locate_viewer(theta_r, table.azimuth_rows, Float(table.limit));
+    Float total = Float(0);
+    for (int p = 0; p < through_parts; ++p) {
+        const bool its = p < lobe_count;
+        mix.share[p] = value(p, draw_energy);
+        mix.axis[p] = value(p, draw_axis);
+        mix.variance[p] = value(p, draw_variance);
+        if (its) {
+            mix.share[p] = mix.share[p] * own.energy[p];
+            mix.axis[p] = mix.axis[p] + own.tilt[p];
+            mix.variance[p] = widened(mix.variance[p], own.variance[p]);
+        }
+        total = total + mix.share[p];
+    }
+    for (int p = 0; p < through_parts; ++p) mix.share[p] = mix.share[p] / total;
+    return mix;
+}
+
+// The density of through_sample, 1/sr.
+template <class Float, class Scalar, class Memory>
+CUTICLE_HD Float through_pdf(const ThroughDraw<Scalar, Memory> &table, const ThroughMixture<Float> &mix,
+                             const Float &theta_i, const Float &phi) {
+    using Index = typename ArrayTraits<Float>::Index;
+    const Place<Float> column = locate_azimuth(phi, table.nodes);
+    const int row = through_parts * table.nodes * 2;
+    Several<Float, through_parts> axis(0), variance(1);
+    for (int p = 0; p < through_parts; ++p) {
+        axis.set(p, mix.axis[p]);
+        variance.set(p, mix.variance[p]);
+    }
+    const auto along = energy_conserving_m(Several<Float, through_parts>(theta_i), axis, variance);
+    Float sum = Float(0);
+    for (int p = 0; p < through_parts; ++p) {
+        const Index i = mix.azimuth_row.node * Index(row) + column.node * Index(2) + Index(p * table.nodes * 2);
+        const auto at = [&](int further) { return Float(ArrayTraits<Float>::gather(table.azimuth, Index(i + Index(further)))); };
+        const Float around = math::bilinear(at(0), at(2), at(row), at(row + 2), mix.azimuth_row.t, column.t);
+        sum = sum + mix.share[p] * along[p] * around;
+    }
+    return sum;
+}
+
+// The first number chooses the part, and what is left of it turns the direction about the axis of M. The last chooses the
+// side, one of two rows of azimuths, and phi.
+template <class Float, class Scalar, class Memory>
+CUTICLE_HD Sample<Float> through_sample(const ThroughDraw<Scalar, Memory> &table, const ThroughMixture<Float> &mix,
+                                        const Float &u_part, const Float &u_theta, const Float &u_phi) {
+    using Index = typename ArrayTraits<Float>::Index;
+    Float below = Float(0), start = Float(0), chance = mix.share[0], axis = mix.axis[0], variance = mix.variance[0],
+          part = Float(0);
+    for (int p = 1; p < through_parts; ++p) {
+        below = below + mix.share[p - 1];
+        const auto past = (u_part >= below) & (mix.share[p] > Float(0));
+        start = select(past, below, start);
+        chance = select(past, mix.share[p], chance);
+        axis = select(past, mix.axis[p], axis);
+        variance = select(past, mix.variance[p], variance);
+        part = select(past, Float(p), part);
+    }
+    const Float left = math::clamp(Float((u_part - start) / chance), Float(0), Float(1));
+    const Float theta_i = about_axis(axis, variance, u_theta, Float(Float(2 * pi<double>) * left));
+
+    const Float side = Float(2) * u_phi, u = side - math::floor(side), t = mix.azimuth_row.t;
+    const auto upper = u >= Float(1) - t;
+    const Float wanted = Float(.5) * math::clamp(select(upper, Float((u - (Float(1) - t)) / math::max(t, Float(1e-6))),
+                                                        Float(u / math::max(Float(Float(1) - t), Float(1e-6)))),
+                                                 Float(0), Float(1));
+    const Index row = mix.azimuth_row.node + ArrayTraits<Float>::to_index(Float(select(upper, Float(1), Float(0))));
+    const Index first = (row * Index(through_parts) + ArrayTraits<Float>::to_index(part)) * Index(table.nodes * 2);
+    const auto at = [&](int i) { return Float(ArrayTraits<Float>::gather(table.azimuth, Index(first + Index(i)))); };
+    Float from = at(0), to = at(2), passed = Float(0), node = Float(0);
+    for (int j = 1; j + 1 < table.nodes; ++j) {
+        const Float integral = at(2 * j + 1);
+        const auto past = wanted >= integral;
+        from = select(past, at(2 * j), from);
+        to = select(past, at(2 * j + 2), to);
+        passed = select(past, integral, passed);
+        node = select(past, Float(j), node);
+    }
+    const Float step = Float(pi<double>) / Float(table.nodes - 1), y = (wanted - passed) / step;
+    const Float root = math::sqrt(math::max(Float(from * from + Float(2) * (to - from) * y), Float(0)));
+    const Float within = math::clamp(Float(Float(2) * y / math::max(Float(from + root), Float(smallest<Float>))), Float(0),
+                                     Float(1));
+    const Float turn = (node + within) * step, phi = select(side < Float(1), turn, Float(-turn));
+    return {theta_i, phi, through_pdf(table, mix, theta_i, phi)};
+}
+
+}  // namespace cuticle
+
+#endif  // CUTICLE_SCATTERING_THROUGH_DRAW_H

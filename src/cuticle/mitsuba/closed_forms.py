@@ -1,0 +1,161 @@
+"""Builds Mitsuba's BSDFs in closed form: what the plugins cuticle_far and cuticle_near read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from cuticle.mitsuba.material import Material
+from cuticle.mitsuba.spectra import spectrum, tensor
+from cuticle.mitsuba.textures import COLOURS, PIGMENTS, mean_of
+from cuticle.scattering import conventions
+from cuticle.scattering.any_fibre import DEGREES, FORMS, OF_R, Parameter
+from cuticle.scattering.bcsdf import luminance_weights
+from cuticle.scattering.chiang import RANGES, Chiang
+from cuticle.scattering.fibre import LOBES, Fibre
+from cuticle.scattering.through_strands import AZIMUTH_ROWS, COUNTED_2, own_energies, passed_through, through_tables
+
+Array = NDArray[np.float64]
+
+
+def closed_form(material: Material, textures: Mapping[str, Any], scale: Any, tables: Any) -> Any:
+    """Return the properties of the plugin for a material in closed form.
+
+    `textures` are those of its parameters that are textures; numbers of the material stand for them. `tables`, a texture of
+    the absorption or True, asks for what the strand among others needs.
+    """
+    fibre = material.fibre
+    assert isinstance(fibre, (Fibre, Chiang))
+    form = "marschner" if isinstance(fibre, Fibre) else "chiang"
+    props = mi.Properties("cuticle_near" if material.near else "cuticle_far")
+    shape = FORMS[form]
+    if material.near:  # whose closed forms hold beyond the far field's cells
+        shape = {name: Parameter(*RANGES[name][:2], None, p.unit) for name, p in shape.items()}
+    values, set_by_user = _values(fibre)
+    _absorption(props, fibre, textures)
+    slots = dict(shape)
+    if props["absorption_from"] == "pigments" or _of_pigments(fibre):
+        slots |= dict.fromkeys(PIGMENTS, Parameter(0, 100, 0.0))
+        values |= {name: getattr(fibre, name) or 0.0 for name in PIGMENTS}
+    if not material.near:
+        slots |= dict.fromkeys(("d_f", "d_b"), Parameter(0, 1, 1.0))
+        values |= dict(zip(("d_f", "d_b"), material.densities, strict=True))
+        props["logistic"], props["direct_share"] = form == "chiang", material.direct_share
+    props["parameters"], props["shape_parameters"] = " ".join(slots), len(shape)
+    for name, p in slots.items():
+        unit = np.pi / 180 if p.unit == DEGREES else 1.0
+        props[f"range_{name}"] = mi.ScalarVector3d(p.low, p.high, unit)
+        props[f"number_{name}"] = float(values[name])
+        if name in textures:
+            props[f"texture_{name}"] = textures[name]
+        elif name in OF_R and name not in set_by_user:
+            props[f"follows_{name}"] = OF_R[name]
+    if scale is not None:
+        props["scale"] = scale
+    if tables is not None:
+        _tables(props, fibre, scale, tables)
+    return props
+
+
+def _values(fibre: Fibre | Chiang) -> tuple[dict[str, float], set[str]]:
+    """Numbers by their names in a scene, and those that do not follow others."""
+    if isinstance(fibre, Chiang):
+        return {name: getattr(fibre, name) for name in FORMS["chiang"]}, set(FORMS["chiang"])
+    degrees = zip(("alpha", "beta"), np.degrees([fibre.alpha, fibre.beta]).tolist(), strict=True)
+    values = {f"{name}_{lobe}": x for name, row in degrees for lobe, x in zip(LOBES, row, strict=True)}
+    return values | {"beta_N": fibre.beta_N, "eta": fibre.eta}, set(fibre.model_dump(exclude_none=True))
+
+
+def _of_pigments(fibre: Fibre | Chiang) -> bool:
+    return fibre.sigma_a is None and getattr(fibre, "color", None) is None
+
+
+def _absorption(props: Any, fibre: Fibre | Chiang, textures: Mapping[str, Any]) -> None:
+    pigments, color = _of_pigments(fibre), getattr(fibre, "color", None)
+    props["absorption_from"] = (
+        "pigments" if textures.keys() & set(PIGMENTS) else "color" if textures.keys() & {"color", "beta_n"} and color
+        else "sigma_a"
+    )  # fmt: skip
+    if pigments:
+        for name, each in zip(PIGMENTS, np.eye(2).tolist(), strict=True):
+            props[f"{name}_absorption"] = spectrum(tuple(conventions.sigma_a_of_pigment(*each).tolist()))
+    if color is not None:
+        props["color"] = textures.get("color", spectrum(color))
+    props["sigma_a"] = textures.get("sigma_a", spectrum(fibre.absorption))
+    props["absorption"] = "a texture" if textures.keys() & set(COLOURS) else str(fibre.absorption)
+
+
+def mean_fibre(fibre: Fibre | Chiang, scale: Any, tables: Any) -> Fibre | Chiang:
+    """Return the fibre that other strands are taken for: the material's, with the mean of its absorption as it is now."""
+    sigma_a = np.broadcast_to(fibre.absorption if tables is True else list(mean_of("sigma_a", tables)), 3)
+    if scale is not None:
+        sigma_a = sigma_a * (scale if isinstance(scale, (int, float)) else list(mean_of("sigma_a", scale)))
+    sigma_a = np.clip(sigma_a, 0, 1000)
+    if sigma_a.max() - sigma_a.min() < 1e-6:
+        sigma_a = sigma_a[:1]
+    elif mi.is_spectral:  # a wavelength falls between two of them
+        sigma_a = np.sort(sigma_a) * [1, 1 + 1e-4, 1 + 2e-4] + [0, 1e-6, 2e-6]
+    absorption = tuple(sigma_a.tolist())
+    return fibre.with_absorption(absorption) if isinstance(fibre, Chiang) else fibre.replace(sigma_a=absorption)
+
+
+def _tables(props: Any, fibre: Fibre | Chiang, scale: Any, tables: Any) -> None:
+    mean = mean_fibre(fibre, scale, tables)
+    if min(mean.absorption) <= 0:  # light that is never absorbed leaves multiple scattering without a sum
+        return
+    through, own = through_tables(mean), own_energies(mean)
+    lobes = through.lobes.copy()
+    lobes[:, 1:, :, 0, :3] -= np.log(own)  # a strand's own energies multiply these
+    passed, limit = passed_through(mean)
+    draw = draw_tables(mean, props["number_d_b"])
+    for name, table in (
+        ("through_lobes", lobes), ("through_azimuth", through.azimuth), ("through_behind", through.behind),
+        ("draw_lobes", draw.lobes), ("draw_azimuth", draw.azimuth), ("transmittance", passed),
+    ):  # fmt: skip
+        props[name] = tensor(table)
+    props["through_limit"], props["transmittance_limit"] = through.limit, limit
+    alpha, beta = mean.half_angle_lobes if isinstance(mean, Chiang) else (mean.alpha, mean.beta)
+    props["mean_tilt"], props["mean_variance"] = mi.ScalarVector3d(*(2 * alpha)), mi.ScalarVector3d(*(4 * beta**2))
+    props["mean_sigma_a"] = mi.ScalarVector3d(*np.broadcast_to(mean.absorption, 3).tolist())
+    props["mean_absorption"] = spectrum(mean.absorption)
+
+
+class DrawTables(NamedTuple):
+    """What the core's ThroughDraw views (through_draw.h).
+
+    - `lobes`, (rows, parts, 3): energy by luminance, of the strand's own parts out of their own; axis and variance of M.
+    - `azimuth`, (azimuth rows, parts, columns, 2): density of phi from 0 to pi, and its integral.
+    """
+
+    lobes: Array
+    azimuth: Array
+
+
+@lru_cache(maxsize=16)
+def draw_tables(fibre: Fibre | Chiang, d_b: float) -> DrawTables:
+    """Return the tables by which directions are drawn among strands: of light through 2 of them, in all colours."""
+    through, own = through_tables(fibre), own_energies(fibre)
+    weights = luminance_weights(fibre.channels)
+    log_energy, _, axis, variance = np.moveaxis(through.lobes[0, COUNTED_2], 1, 0)  # (rows, parts, channels) each
+    energy = np.exp(log_energy) * weights
+    energy[:, -1] *= d_b
+    total = energy.sum(axis=2)
+    # Without d_b nothing comes back: any density will do.
+    share = np.where(total[..., None] > 0, energy / np.maximum(total, 1e-100)[..., None], weights)
+    mean = (share * axis).sum(axis=2)
+    spread = (share * (variance + axis**2)).sum(axis=2) - mean**2
+    apart = np.append(own @ weights, np.ones((len(own), 1)), axis=1)
+    lobes = np.stack([total / apart, mean, spread], axis=2)
+
+    density = (through.azimuth[0, COUNTED_2] * share[::AZIMUTH_ROWS][:, None]).sum(axis=3).transpose(0, 2, 1)
+    step = np.pi / (density.shape[2] - 1)
+    integral = np.append(
+        np.zeros((*density.shape[:2], 1)), np.cumsum(0.5 * step * (density[..., 1:] + density[..., :-1]), axis=2), axis=2
+    )
+    whole = 2 * integral[..., -1:]
+    return DrawTables(lobes, np.stack([density / whole, integral / whole], axis=3))

@@ -1,0 +1,36 @@
+"""Absorptions and tables as Mitsuba takes them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+# Where a spectrum of three values turns from blue to green and from green to red, nm.
+PRIMARY_EDGES = (453.5, 512.9, 587.6, 598.4)
+_WAVELENGTHS = (360.0, *PRIMARY_EDGES, 830.0)
+
+
+def spectrum(values: tuple[float, ...]) -> Any:
+    """One value, or one for each primary, as Mitsuba takes it: a number, a colour or, in spectral variants, a spectrum.
+
+    Mitsuba would make a smooth spectrum of a colour, which leaves dark hair with too much blue: what is seen is
+    exp(-sigma_a), not sigma_a. One value a primary, between PRIMARY_EDGES, gives the colour back
+    (benchmarks/spectrum.py).
+    """
+    if len(values) == 1:
+        return values[0]
+    if mi.is_rgb:
+        return mi.ScalarColor3d(*values)
+    red, green, blue = values
+    steps = (blue, blue, green, green, red, red)
+    return mi.load_dict(
+        {"type": "irregular", "wavelengths": ", ".join(map(str, _WAVELENGTHS)), "values": ", ".join(map(str, steps))}
+    )
+
+
+def tensor(values: NDArray[np.float64]) -> Any:
+    """Return an array as Mitsuba takes it, in single precision."""
+    return mi.TensorXf(np.ascontiguousarray(values, np.float32))

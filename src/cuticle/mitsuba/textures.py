@@ -1,0 +1,61 @@
+"""Parameters of the BSDF `cuticle` that are textures, and the numbers that stand for them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from cuticle.scattering.any_fibre import FORMS
+
+PIGMENTS = ("eumelanin", "pheomelanin")
+COLOURS = ("sigma_a", "color")  # of three channels
+TEXTURED = (*dict.fromkeys(name for form in FORMS.values() for name in form), *PIGMENTS, *COLOURS)
+_GRID = (np.arange(16) + 0.5) / 16  # where a texture is looked at, over uv
+_PRIMARIES = (610.0, 550.0, 450.0, 450.0)  # nm: red, green, blue
+
+
+def textures_of(props: Any, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return those parameters of a plugin that are textures or, in spectral variants, spectra.
+
+    Raises
+    ------
+    ValueError
+        A parameter that must be a number is one.
+    """
+    kinds = (mi.Properties.Type.Object, mi.Properties.Type.Spectrum)
+    found = {name: value for name, value in given.items() if props.type(name) in kinds}
+    for name in found:
+        if name not in TEXTURED:
+            raise ValueError(f"{name} must not be a texture; these may: scale, {', '.join(TEXTURED)}")
+    return found
+
+
+def mean_of(name: str, texture: Any) -> Any:
+    """Return the mean of a texture over a strand's files or over uv, as a scene would give it: a number or a colour."""
+    if texture.class_name() == "CuticleValues":
+        values = np.array(mi.traverse(texture)["values"])
+        mean = values.reshape(-1, values.shape[-1]).mean(axis=0)
+    else:
+        mean = _over_uv(texture)
+    mean = np.maximum(mean, 1e-4 if name == "color" else 0)
+    if name == "color":
+        mean = np.minimum(mean, 1)
+    if name in COLOURS:
+        return mi.ScalarColor3d(*np.broadcast_to(mean, 3).tolist())
+    return float(mean.mean())
+
+
+def _over_uv(texture: Any) -> NDArray[np.float64]:
+    points = [(0.5, 0.5)] if not texture.is_spatially_varying() else [(float(u), float(v)) for u in _GRID for v in _GRID]
+    total = np.zeros(3)
+    for u, v in points:
+        si = mi.SurfaceInteraction3f()
+        si.uv = mi.Point2f(u, v)
+        if mi.is_spectral:
+            si.wavelengths = type(si.wavelengths)(*_PRIMARIES)
+        total += np.ravel(np.array(texture.eval(si)))[:3]
+    return total / len(points)
