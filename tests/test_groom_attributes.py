@@ -90,8 +90,8 @@ def test_joined_grooms_keep_what_all_have(named: Groom) -> None:
         both = join_grooms([named, other])
     (warning,) = told
     assert str(warning.message) == (
-        "join_grooms: left out attribute 'colour', whose numbers of channels differ: 1, 3; 'height', which groom 1 does not"
-        " have; with_attributes gives it to all"
+        "join_grooms: left out attribute colour (its values have 1 or 3 channels), height (groom 1 does not have it);"
+        " with_attributes gives it to all"
     )
     assert list(both.attributes) == ["number", "place"]
     assert both.attributes["number"].tolist() == [*np.repeat(np.arange(4), named.counts), *[9] * 14]

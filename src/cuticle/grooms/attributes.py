@@ -15,6 +15,8 @@ __all__ = ["NONE", "Attributes", "checked", "joined", "on_segments", "readable"]
 
 TAKEN = ("points", "counts", "offsets", "radius", "bend")  # what a groom's own arrays are called, also in its files
 MAX_CHANNELS = 32
+_NAMED = 8  # attributes in a note
+Lost = dict[str, str]  # why an attribute was left out, by its name
 Array = NDArray[np.float32]
 
 
@@ -83,16 +85,23 @@ def _checked(name: str, given: ArrayLike, strands: int, points: int, held: bool 
     return values
 
 
-def readable(given: Mapping[str, NDArray], strands: int, points: int) -> tuple[Attributes, list[str]]:
-    """Return what of a file's values a groom can carry, and a note on the rest: no reason to refuse its strands."""
+def readable(given: Mapping[str, NDArray], strands: int, points: int) -> tuple[Attributes, Lost]:
+    """Return what of a file's values a groom can carry, and why not the rest: no reason to refuse its strands."""
     kept: dict[str, Array] = {}
-    lost: list[str] = []
+    lost: Lost = {}
     for name, values in given.items():
         try:
             kept[name] = _checked(name, values, strands, points)
         except (TypeError, ValueError) as error:
-            lost.append(str(error))
+            lost[name] = str(error).removeprefix(f"attribute {name!r} ")
     return Attributes(kept), lost
+
+
+def note(lost: Lost) -> list[str]:
+    """Return a note that names what was left out, or none where that is nothing."""
+    said = [f"{name} ({why})" for name, why in lost.items()]
+    more = [f"{len(said) - _NAMED} more"] * (len(said) > _NAMED)
+    return [f"left out attribute {', '.join([*said[:_NAMED], *more])}"] if said else []
 
 
 def chosen(attributes: Attributes, strands: NDArray[np.bool_], points: NDArray[np.bool_]) -> Attributes:
@@ -112,23 +121,21 @@ def at_points(values: Array, counts: NDArray[np.int64]) -> Array:
 
 def joined(
     attributes: Sequence[Mapping[str, Array]], counts: Sequence[NDArray[np.int64]], names: Sequence[str]
-) -> tuple[Attributes, list[str]]:
-    """Return the values of all strands of several grooms, and a note on each name that they do not all have alike.
+) -> tuple[Attributes, Lost]:
+    """Return the values of all strands of several grooms, and why names are left out that they do not all have alike.
 
     A strand without a value would have to be given one, and no number stands for none: such a name is left out. Values a
     strand become values a point where another groom has those.
     """
     found: dict[str, Array] = {}
-    lost: list[str] = []
+    lost: Lost = {}
     for name in dict.fromkeys(n for a in attributes for n in a):
         without = [k for k, a in enumerate(attributes) if name not in a]
         shapes = {a[name].shape[1:] for a in attributes if name in a}
         if without:
-            lost.append(f"{name!r}, which {names[without[0]]} does not have")
+            lost[name] = f"{names[without[0]]} does not have it"
         elif len(shapes) > 1:
-            lost.append(
-                f"{name!r}, whose numbers of channels differ: {', '.join(str(s[0] if s else 1) for s in sorted(shapes))}"
-            )
+            lost[name] = f"its values have {' or '.join(str(s[0] if s else 1) for s in sorted(shapes))} channels"
         else:
             own = [a[name] for a in attributes]
             if any(len(v) != len(c) for v, c in zip(own, counts, strict=True)):

@@ -6,6 +6,7 @@ import os
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from cuticle._support.values import Value
 from cuticle.grooms import attributes as named
 from cuticle.grooms import interpolation, splines
 from cuticle.grooms.checks import FARTHEST, check_counts, check_points, check_radius, distinct_points, kept_bend
+from cuticle.scattering.table_files import write_arrays
 
 __all__ = ["Groom", "join_grooms", "read_groom"]
 
@@ -278,12 +280,17 @@ class Groom(Value):
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the text file of Mitsuba's `bsplinecurve`: one line `x y z radius` per control point, a blank line between
-        strands. `read_groom` reads the same groom back, to single precision.
+        strands. `read_groom` reads the same groom back, to single precision, without its attributes. A path that ends in
+        .npz gets NumPy arrays instead, all that the groom holds, which are read back bit for bit.
 
         The curves pass through the groom's points. A radius whose spline would swing below 0 is cut off there. A strand of
         radius 0, which no ray hits, is added at the end: Mitsuba 3.9 reads out of bounds where a ray hits the tip of the
         last curve. `read_groom` drops that strand.
         """
+        if Path(path).suffix.lower() == ".npz":
+            own = {n: getattr(self, n) for n in ("points", "offsets", "radius", "bend")}
+            write_arrays(path, own | dict(self.attributes))
+            return
         control, offsets = self.control_points()
         guard = np.column_stack([np.linspace(control[-2, :3], control[-1, :3], 4), np.zeros(4)])
         control, offsets = np.concatenate([control, guard]), np.append(offsets, len(control) + 4)
@@ -307,14 +314,15 @@ def join_grooms(grooms: Sequence[Groom]) -> Groom:
     names = [f"groom {k}" for k in range(len(grooms))]
     attributes, lost = named.joined([g.attributes for g in grooms], [g.counts for g in grooms], names)
     if lost:
-        warnings.warn(f"join_grooms: left out attribute {'; '.join(lost)}; with_attributes gives it to all", stacklevel=2)
+        warnings.warn(f"join_grooms: {named.note(lost)[0]}; with_attributes gives it to all", stacklevel=2)
     return Groom(points, offsets, radius, bend, attributes)
 
 
 def read_groom(path: str | os.PathLike[str], *, radius: float | None = None, frame: float | None = None) -> Groom:
     """Read a hair file; the file's ending selects the reader in `cuticle.grooms.readers.READERS`.
 
-    Repeated points, strands of no length and strands of no width are left out. A warning says how many.
+    Repeated points, strands of no length and strands of no width are left out. A warning says how many, and names what of
+    the file's attributes a groom cannot carry.
 
     Parameters
     ----------
@@ -340,8 +348,9 @@ def read_groom(path: str | os.PathLike[str], *, radius: float | None = None, fra
     if frame is not None:
         frame = validate.number("frame", frame, -1e9, 1e9)
     with reading(path, "groom"):
-        points, counts, found, bend, notes = readers.read(path, frame)
+        points, counts, found, bend, notes, given = readers.read(path, frame)
         check_counts(counts, len(points))
+        attributes, lost = named.readable(given, len(counts), len(points))
         with np.errstate(over="ignore"):  # what is too large for single precision is refused
             points = points.astype(np.float32)
         if found is not None:
@@ -349,7 +358,7 @@ def read_groom(path: str | os.PathLike[str], *, radius: float | None = None, fra
         check_points(points)
         keep, kept, left_out = distinct_points(points, counts)
         bend = kept_bend(np.zeros((len(counts), 2, 4), np.float32) if bend is None else bend, counts, kept)
-        points, counts = points[keep], kept[kept > 0]
+        points, counts, attributes = points[keep], kept[kept > 0], named.chosen(attributes, kept > 0, keep)
         if found is not None:
             found = found[keep]
             wide = np.maximum.reduceat(found, np.cumsum(counts) - counts) > 0
@@ -358,12 +367,13 @@ def read_groom(path: str | os.PathLike[str], *, radius: float | None = None, fra
             if not wide.all():
                 left_out = " and ".join(filter(None, [left_out, f"{(~wide).sum():,} strand(s) of no width"]))
             keep = np.repeat(wide, counts)
+            attributes = named.chosen(attributes, wide, keep)
             points, found, counts, bend = points[keep], found[keep], counts[wide], bend[wide]
         if radius is not None or found is None:
             found = np.float32(default_radius(points) if radius is None else radius)
             bend = bend * _POSITION
-        groom = Groom(points, np.append(0, np.cumsum(counts)), found, bend)
-    notes = (*notes, f"left out {left_out}") if left_out else notes
+        groom = Groom(points, np.append(0, np.cumsum(counts)), found, bend, attributes)
+    notes = (*notes, *named.note(lost), *[f"left out {left_out}"] * bool(left_out))
     if notes:
         warnings.warn(f"{path}: {'; '.join(notes)}", stacklevel=2)
     return groom
