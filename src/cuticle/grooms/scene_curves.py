@@ -91,7 +91,7 @@ def _attributes(o: Curves, made: NDArray[np.int64]) -> tuple[named.Attributes, n
     for name, (given, interpolation) in o.values.items():
         try:
             if given.dtype.kind not in "iuf" or given.ndim not in (1, 2):
-                raise ValueError("it is no list of numbers, colours or vectors")
+                raise ValueError("it is no whole list of numbers, colours or vectors")
             kind = _interpolation(o, interpolation, len(given), "values")
             own = _SPREAD[kind](given.reshape(len(given), -1).astype(np.float64), o.counts, made, (o.type, o.basis, o.wrap))
             found[name] = own.reshape(-1, *given.shape[1:])
