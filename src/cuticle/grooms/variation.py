@@ -1,8 +1,8 @@
 """Hair that varies from strand to strand and along a strand: pigments, roughness and tilt as attributes of a groom.
 
-A strand's value is the quantile of a distribution at a standard normal variable z, which is part smooth noise over the roots,
-part the strand's own: z = √c g(root) + √(1 - c) e. g sums plane waves of random direction, length and phase, whose covariance
-over a distance d is exp(-d²/2l²) (Rahimi and Recht 2007, random Fourier features).
+A strand's value is the quantile of a distribution at a standard normal variable z, which is part smooth noise over the
+roots, part the strand's own: z = √c g(root) + √(1 - c) e. g sums plane waves of random direction, length and phase, whose
+covariance over a distance d is exp(-d²/2l²) (Rahimi and Recht 2007, random Fourier features).
 """
 
 from __future__ import annotations
