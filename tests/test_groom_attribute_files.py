@@ -186,6 +186,7 @@ def test_objects_of_a_scene_keep_what_all_have(tmp_path: Path, usd_here: None) -
         f'def BasisCurves "{name}"{line}{more}\n float primvars:m = {k}\n}}\n'
         for k, (name, more) in enumerate({"a": "float primvars:only = 1", "b": ""}.items())
     )
+    text += 'def BasisCurves "empty" { int[] curveVertexCounts=[]\n point3f[] points=[]\n}\n'  # lacks m, and no strand does
     (tmp_path / "a.usda").write_text(text)
     with pytest.warns(UserWarning, match=r"left out attribute only \(/b does not have it\)$"):
         assert values(read_groom(tmp_path / "a.usda")) == {"m": [0, 1]}
@@ -218,6 +219,7 @@ def test_alembic_parameters_are_attributes(tmp_path: Path) -> None:
         "melanin": ("Float", imath.FloatArray(2), [1.0, 2.0], "kUniformScope"),
         "Cd": ("C3f", imath.C3fArray(7), [imath.Color3f(k, 0, 1) for k in range(7)], "kVertexScope"),
         "one": ("Int32", imath.IntArray(1), [3], "kConstantScope"),
+        "half": ("Int16", imath.ShortArray(2), np.array([1, 1.5], np.float16).view(np.int16).tolist(), "kUniformScope"),
         "name": ("String", imath.StringArray(2), ["a", "b"], "kUniformScope"),
         "few": ("Double", imath.DoubleArray(3), [1.0, 2.0, 3.0], "kUniformScope"),
     }
@@ -229,11 +231,17 @@ def test_alembic_parameters_are_attributes(tmp_path: Path) -> None:
     indexed.set(AbcGeom.OFloatGeomParamSample(two, order, scope.kUniformScope))
     Abc.OFloatArrayProperty(parameters, "plain").setValue(filled(imath.FloatArray(7), map(float, range(7))))
     del made, indexed, parameters, schema, curves, archive
+    data = bytearray((tmp_path / "a.abc").read_bytes())
+    at = data.index(b"\4half") - 5  # the property's type, in the upper half of a byte: 4 is int16, 9 float16
+    assert data[at] >> 4 == 4
+    data[at] += 5 << 4  # PyAlembic reads halves, but cannot write them
+    (tmp_path / "a.abc").write_bytes(data)
     words = r"left out attribute name \(/hair: it is no .*\), few \(/hair: it has 3 values, must have 2 if uniform\)$"
     with pytest.warns(UserWarning, match=words):
         found = read_groom(tmp_path / "a.abc")
     assert values(found) == {
-        "melanin": [1, 2], "Cd": [[k, 0, 1] for k in range(7)], "one": [3, 3], "indexed": [9, 8], "plain": list(range(7)),
+        "melanin": [1, 2], "Cd": [[k, 0, 1] for k in range(7)], "one": [3, 3], "half": [1, 1.5],
+        "indexed": [9, 8], "plain": list(range(7)),
     }  # fmt: skip
 
 

@@ -135,17 +135,25 @@ def _values(parameters: Any, when: Any, times: list[float]) -> dict[str, tuple[N
         if kind is None:
             found[name] = np.array(None), ""
             continue
-        parameter = kind(parameters, name)
-        times += _times(parameter)
-        if parameter.getNumSamples():
-            sample = parameter.getExpandedValue(when)
-            values = np.array(sample.getVals())
-            extent = parameter.getArrayExtent()
-            if extent > 1 and values.ndim == 1 and len(values) % extent == 0:
-                values = values.reshape(-1, extent)
-            scoped = bool(header.getMetaData().get("geoScope"))  # a plain array says none
-            found[name] = values, _SCOPES.get(str(sample.getScope()), "") if scoped else ""
+        try:
+            parameter = kind(parameters, name)
+            times += _times(parameter)
+            if parameter.getNumSamples():
+                scoped = bool(header.getMetaData().get("geoScope"))  # a plain array says none
+                found[name] = _expanded(parameter, when, scoped)
+        except Exception:  # whatever the library raises for one of them, strands can be read
+            found[name] = np.array(None), ""
     return found
+
+
+def _expanded(parameter: Any, when: Any, scoped: bool) -> tuple[NDArray, str]:
+    """A parameter's values, one a row, and its interpolation."""
+    sample = parameter.getExpandedValue(when)
+    values = np.array(sample.getVals())
+    extent = parameter.getArrayExtent()
+    if extent > 1 and values.ndim == 1 and len(values) % extent == 0:
+        values = values.reshape(-1, extent)
+    return values, _SCOPES.get(str(sample.getScope()), "") if scoped else ""
 
 
 if __name__ == "__main__":

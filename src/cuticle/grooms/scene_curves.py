@@ -73,9 +73,10 @@ def assemble(objects: list[Curves], notes: list[str]) -> dict[str, NDArray]:
         radius = np.concatenate([np.full(len(m[0]), default) if m[2] is None else m[2] for m in made])
         if without:
             notes = [*notes, f"{_some(without)} without widths: 1/4000 of the groom's size"]
-    each, lost = zip(*(_attributes(o, m[1]) for o, m in zip(objects, made, strict=True)), strict=True)
-    attributes, unlike = named.joined(each, [m[1] for m in made], [o.name for o in objects])
-    told = {name: why for own in (*lost, unlike) for name, why in own.items()}
+    some = [(o, m[1]) for o, m in zip(objects, made, strict=True) if len(m[1])]  # an object without curves lacks no value
+    each, lost = zip(*(_attributes(o, own) for o, own in some), strict=True)
+    attributes, unlike = named.joined(each, [own for _, own in some], [o.name for o, _ in some])
+    told = {name: why for own in (unlike, *lost) for name, why in own.items()}
     arrays = {"points": points, "counts": counts, "radius": radius, "bend": bend}
     return (
         arrays
