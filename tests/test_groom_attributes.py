@@ -50,6 +50,7 @@ def test_attributes_are_held_in_single_precision_and_follow_the_groom(named: Gro
     in_place(many)
     assert many.attributes["number"].tolist() == 3 * [0, 1, 2, 3]
     np.testing.assert_array_equal(many.attributes["colour"][4:8], named.attributes["colour"])
+    assert named.with_attributes(**{"self": 1, "hair:tip": 2}).attributes["self"].tolist() == [1] * 4
     assert "number, colour, height, place)" in repr(named)
 
 
@@ -153,6 +154,7 @@ def test_rows_of_segments_are_mitsubas(tmp_path: Path, use_variant: Callable[[st
     t = [np.linspace(0, n - 1, 400 * (n - 1) + 1) for n in counts]
     fine, of = np.concatenate([s(x) for s, x in zip(splines, t, strict=True)]), np.repeat(np.arange(25), [len(x) for x in t])
     t = np.concatenate(t)
+    assert shape.shapes()[0].primitive_count() == len(groom.on_segments("knot"))
     rows = {name: groom.on_segments(name)[..., 0] for name in ("strand", "knot")}
     found = []
     for _ in range(2000):

@@ -147,7 +147,7 @@ class Groom(Value):
         bend = self.bend * _POSITION
         return replace(self, radius=(root + (tip - root) * self.along()).astype(np.float32), bend=bend)
 
-    def with_attributes(self, **values: ArrayLike | None) -> Groom:
+    def with_attributes(self, /, **values: ArrayLike | None) -> Groom:
         """Return the groom with these attributes beside its own; a number is every strand's, None takes a name out.
 
         >>> from cuticle.grooms.procedural import wavy_lock
