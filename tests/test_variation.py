@@ -162,8 +162,10 @@ def test_other_attributes_stay_and_those_of_absorption_are_replaced(lawn: Groom)
         ({"dye": (1, 0, 0)}, "dye must lie in .*0.0001, 1"),
         ({"dye": 0.5}, r"dye must be a colour of 3 channels, linear RGB, got shape \(\)"),
         ({"seed": -1}, "seed must be in"),
+        ({"melanin": None}, "melanin must be a number, got None"),
+        ({"strays": "many"}, "strays must be a number, got 'many'"),
     ],
 )
 def test_wrong_variation_is_told(given: dict[str, Any], words: str) -> None:
-    with pytest.raises(ValueError, match=words):
+    with pytest.raises((TypeError, ValueError), match=words):
         vary(wavy_lock(3), **given)

@@ -43,6 +43,7 @@ _RANGES: validate.Ranges = {
     "clumping": (0, 1, "", "it is a share of the variance", False),
     "clump_size": (0, 1e9, "", "it is in the unit of the points", True),
 }
+_OPTIONAL = ("azimuthal_roughness", "tilt", "clump_size")
 
 
 def vary(
@@ -112,7 +113,11 @@ def vary(
     (32000,)
     """
     given = locals()
-    p = validate.ranges({name: given[name] for name in _RANGES}, _RANGES)
+    p = {
+        name: validate.number(name, given[name], low, high, unit=unit, remedy=remedy, above=above)
+        for name, (low, high, unit, remedy, above) in _RANGES.items()
+        if given[name] is not None or name not in _OPTIONAL
+    }
     validate.random_numbers(seed)
     normal = _normals(groom, p["clumping"], p.get("clump_size"), seed)
     rough = _log_normal(normal(0), p["roughness_spread"])
