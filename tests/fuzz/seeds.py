@@ -28,7 +28,9 @@ def cyhair() -> list[bytes]:
     segments = struct.pack("<HH", N - 1, N - 1)
     full = head + segments + POINTS.tobytes() + np.full(2 * N, 0.1, "<f4").tobytes()
     plain = struct.pack("<4sIIIIf", b"HAIR", 2, 2 * N, 2, N - 1, 0.5).ljust(128, b"\0") + POINTS.tobytes()
-    return [full, plain, struct.pack("<IIHH", 2, 2 * N, N, N) + POINTS.tobytes()]
+    colours = struct.pack("<4sIIIIf", b"HAIR", 2, 2 * N, 27, 0, 0.1).ljust(128, b"\0") + segments + POINTS.tobytes()
+    colours += np.linspace(0, 1, 8 * N, dtype="<f4").tobytes()
+    return [full, plain, colours, struct.pack("<IIHH", 2, 2 * N, N, N) + POINTS.tobytes()]
 
 
 def usc() -> bytes:
@@ -67,6 +69,10 @@ def ply() -> list[bytes]:
         b"ply\nformat binary_big_endian 1.0\n" + head + edges + POINTS.astype(">f4").tobytes() + CHAINS,
         b"ply\nformat ascii 1.0\n" + head + b"property int strand\nend_header\n"
         + _text(np.column_stack([POINTS, np.arange(2 * N) // N])),
+        b"ply\nformat binary_little_endian 1.0\n" + head + b"property double m\n"
+        + strands.replace(b"property", b"property uchar dye\nproperty", 1)
+        + b"".join(p.tobytes() + struct.pack("<d", k) for k, p in enumerate(POINTS))
+        + b"".join(struct.pack("<BB4i", 7, N, *range(a, a + N)) for a in (0, N)),
     ]  # fmt: skip
 
 
@@ -84,7 +90,8 @@ def _arrays(save: Callable[..., None], **arrays: Any) -> bytes:
 
 def npz() -> list[bytes]:
     given = {"points": POINTS, "counts": np.array([N, N]), "radius": np.array(0.1)}
-    return [_arrays(save, **given) for save in (np.savez, np.savez_compressed)]
+    attributes = {"bend": np.zeros((2, 2, 4)), "m": np.array([1, 2]), "color": np.ones((2 * N, 3))}
+    return [_arrays(save, **given, **more) for save, more in ((np.savez, attributes), (np.savez_compressed, {}))]
 
 
 def packed(points: bytes) -> bytes:
@@ -112,6 +119,10 @@ def Xform "head"
         int[] curveVertexCounts = [4, 3]
         point3f[] points = [(0,0,0), (0,1,0), (1,2,0), (1,3,0), (5,0,0), (5,1,0), (5,2,1)]
         float[] widths = [0.1, 0.1, 0.1, 0.1, 0.2, 0.2, 0.1] (interpolation = "varying")
+        float primvars:eumelanin = 1.3
+        color3f[] primvars:dye = [(1, 0, 0), (0, 1, 0)] (interpolation = "uniform")
+        int[] primvars:dye:indices = [1, 0]
+        half[] primvars:beta_m = [0.1, 0.2, 0.3, 0.4, 0.1, 0.2, 0.3] (interpolation = "vertex")
     }
 }
 """
@@ -150,6 +161,11 @@ def abc() -> list[bytes]:
         path = Path(folder) / "a.abc"
         made = AbcGeom.OCurves(Abc.OArchive(str(path)).getTop(), "hair")
         made.getSchema().set(AbcGeom.OCurvesSchemaSample(positions, counts, *how, given, *rest))
+        scope = AbcGeom.GeometryScope.kVertexScope
+        parameters = made.getSchema().getArbGeomParams()
+        melanin = AbcGeom.OV3fGeomParam(parameters, "melanin", False, scope, 1)
+        melanin.set(AbcGeom.OV3fGeomParamSample(positions, scope))
+        del melanin, parameters
         del made  # closes the archive
         return [path.read_bytes()]
 

@@ -69,6 +69,8 @@ def groom_is_whole(groom: Groom) -> None:
     assert (groom.counts >= 2).all()
     assert (groom.lengths > 0).all()
     assert np.isfinite(groom.control_points()[0]).all()
+    for name in groom.attributes:
+        assert np.isfinite(groom.on_segments(name)).all()
 
 
 def f_is_whole(model: Any) -> None:

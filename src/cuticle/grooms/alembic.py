@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import re
 import struct
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,12 @@ from cuticle.grooms.scene_curves import Curves, assemble, check_frame, left_out
 
 _BASES = {"kBezierBasis": "bezier", "kBsplineBasis": "bspline", "kCatmullromBasis": "catmullRom"}
 _TYPES = {"kLinear": "linear", "kCubic": "cubic"}
-_SCOPES = {"kConstantScope": "constant", "kUniformScope": "uniform", "kVaryingScope": "varying", "kVertexScope": "vertex"}
+_SCOPES = {
+    "kConstantScope": "constant", "kUniformScope": "uniform", "kVaryingScope": "varying", "kVertexScope": "vertex",
+    "kFacevaryingScope": "varying",
+}  # fmt: skip
+# The readers of parameters that are numbers: IFloatGeomParam, IC3fGeomParam, ...
+_NUMBERS = re.compile(r"I(?:Float|Half|Double|U?[Cc]har|U?Int\d+|[CNPV][234][a-z])GeomParam")
 
 
 def read_alembic(path: Path, frame: float | None) -> dict[str, NDArray]:
@@ -81,7 +87,7 @@ def _visit(
             schema = AbcGeom.ICurves(parent, header.getName()).getSchema()
             times += _times(schema)
             if schema.getNumSamples():
-                found.append(_curves(header.getFullName(), schema, when, place))
+                found.append(_curves(header.getFullName(), schema, when, place, times))
         _visit(child, place, when, found, hidden, times)
 
 
@@ -91,7 +97,7 @@ def _times(schema: Any) -> list[float]:
     return [schema.getTimeSampling().getSampleTime(k) for k in (0, last)] if last > 0 else []
 
 
-def _curves(name: str, schema: Any, when: Any, world: NDArray[np.float64]) -> Curves:
+def _curves(name: str, schema: Any, when: Any, world: NDArray[np.float64], times: list[float]) -> Curves:
     from alembic3d.AbcGeom import CurvePeriodicity
 
     value = schema.getValue(when)
@@ -112,7 +118,42 @@ def _curves(name: str, schema: Any, when: Any, world: NDArray[np.float64]) -> Cu
         widths,
         interpolation,
         world,
+        _values(schema.getArbGeomParams(), when, times),
     )
+
+
+def _values(parameters: Any, when: Any, times: list[float]) -> dict[str, tuple[NDArray, str]]:
+    """The arbitrary parameters of an object by name. Those that are no numbers are left out later."""
+    from alembic3d import AbcGeom
+
+    kinds = [getattr(AbcGeom, name) for name in dir(AbcGeom) if _NUMBERS.fullmatch(name)]
+    found: dict[str, tuple[NDArray, str]] = {}
+    for k in range(parameters.getNumProperties() if parameters.valid() else 0):
+        header = parameters.getPropertyHeader(k)
+        name = header.getName()
+        kind = next((i for i in kinds if i.matches(header)), None)
+        if kind is None:
+            found[name] = np.array(None), ""
+            continue
+        try:
+            parameter = kind(parameters, name)
+            times += _times(parameter)
+            if parameter.getNumSamples():
+                scoped = bool(header.getMetaData().get("geoScope"))  # a plain array says none
+                found[name] = _expanded(parameter, when, scoped)
+        except Exception:  # whatever the library raises for one of them, strands can be read
+            found[name] = np.array(None), ""
+    return found
+
+
+def _expanded(parameter: Any, when: Any, scoped: bool) -> tuple[NDArray, str]:
+    """A parameter's values, one a row, and its interpolation."""
+    sample = parameter.getExpandedValue(when)
+    values = np.array(sample.getVals())
+    extent = parameter.getArrayExtent()
+    if extent > 1 and values.ndim == 1 and len(values) % extent == 0:
+        values = values.reshape(-1, extent)
+    return values, _SCOPES.get(str(sample.getScope()), "") if scoped else ""
 
 
 if __name__ == "__main__":

@@ -4,24 +4,27 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cuticle._support import validate
 from cuticle._support.files import check_size, reading, write_text
 from cuticle._support.values import Value
+from cuticle.grooms import attributes as named
 from cuticle.grooms import interpolation, splines
+from cuticle.grooms.checks import FARTHEST, check_counts, check_points, check_radius, distinct_points, kept_bend
+from cuticle.scattering.table_files import write_arrays
 
 __all__ = ["Groom", "join_grooms", "read_groom"]
 
 MAX_FOLLOWERS = 1000
 MAX_STRANDS = 10_000_000
-FARTHEST = 1e9  # the largest coordinate and radius: single precision squares lengths up to 1.8e19, and cubes of cells less
 _POSITION = np.array([1, 1, 1, 0], np.float32)  # of x y z radius
-_CLOSEST = 1e-18  # the square of a shorter step is 0 in single precision, and so is its direction
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,18 +52,22 @@ class Groom(Value):
     bend
         Second difference P[i-1] - 2 P[i] + P[i+1] of the control points (x y z radius) at each strand's first and last
         point, shape (strands, 2, 4). Default: 0, no curvature at the ends.
+    attributes
+        Values by name, such as melanin or roughness: one a strand, shape (strands,) or (strands, C), or one a point, (N,) or
+        (N, C), with C up to 32. Between two points they run linearly. Held in single precision, read-only.
 
     Raises
     ------
     ValueError
         Shapes do not fit, a strand has fewer than 2 points, no strand has a length, a coordinate is not finite or beyond
-        ±1e9, or a radius is negative or above 1e9.
+        ±1e9, a radius is negative or above 1e9, or an attribute is not finite or has a name of `points` to `bend`.
     """
 
     points: NDArray[np.float32]
     offsets: NDArray[np.int64]
     radius: NDArray[np.float32]
     bend: NDArray[np.float32] = None  # type: ignore[assignment]
+    attributes: Mapping[str, NDArray[np.float32]] = named.NONE
 
     def __post_init__(self) -> None:
         points = np.array(validate.real("points", self.points), np.float32)
@@ -77,7 +84,7 @@ class Groom(Value):
             short = int(np.argmax(np.diff(offsets) < 2))
             raise ValueError(f"a strand must have at least 2 points, strand {short} has {int(np.diff(offsets)[short])}")
         radius = np.array(np.broadcast_to(validate.real("radius", self.radius).astype(np.float32), len(points)))
-        _check_points(points)
+        check_points(points)
         strands = len(offsets) - 1
         bend = (
             np.zeros((strands, 2, 4), np.float32)
@@ -86,20 +93,24 @@ class Groom(Value):
         )
         if bend.shape != (strands, 2, 4) or not (np.abs(bend) <= 4 * FARTHEST).all():
             raise ValueError(f"bend must be finite numbers of shape ({strands}, 2, 4), got shape {bend.shape}")
-        _check_radius(radius)
+        check_radius(radius)
+        attributes = named.checked(self.attributes, strands, len(points))
         keep, kept, left_out = distinct_points(points, np.diff(offsets))
         if left_out:
             warnings.warn(f"groom: left out {left_out}", stacklevel=3)
             points, radius, offsets = points[keep], radius[keep], np.append(0, np.cumsum(kept[kept > 0]))
-            bend = _kept_bend(bend, np.diff(self.offsets), kept)
+            bend = kept_bend(bend, np.diff(self.offsets), kept)
+            attributes = named.chosen(attributes, kept > 0, keep)
         for name, value in (("points", points), ("offsets", offsets), ("radius", radius), ("bend", bend)):
             value.setflags(write=False)
             object.__setattr__(self, name, value)
+        object.__setattr__(self, "attributes", attributes)
 
     def __repr__(self) -> str:
         low, high = self.bounds
         size = " x ".join(f"{x:.3g}" for x in high - low)
-        return f"Groom({self.strands:,} strands, {len(self.points):,} points, {size}, radius {self.radius.max():.3g})"
+        said = f"{self.strands:,} strands, {len(self.points):,} points, {size}, radius {self.radius.max():.3g}"
+        return f"Groom({', '.join([said, *self.attributes])})"
 
     @property
     def strands(self) -> int:
@@ -136,8 +147,43 @@ class Groom(Value):
         bend = self.bend * _POSITION
         return replace(self, radius=(root + (tip - root) * self.along()).astype(np.float32), bend=bend)
 
+    def with_attributes(self, /, **values: ArrayLike | None) -> Groom:
+        """Return the groom with these attributes beside its own; a number is every strand's, None takes a name out.
+
+        >>> from cuticle.grooms.procedural import wavy_lock
+        >>> wavy_lock(10).with_attributes(eumelanin=1.3, beta_m=np.linspace(0.2, 0.4, 10)).attributes["eumelanin"].shape
+        (10,)
+        """
+        found: dict[str, Any] = {n: v for n, v in self.attributes.items() if n not in values}
+        for name, value in values.items():
+            if value is not None:
+                found[name] = np.full(self.strands, value) if np.ndim(value) == 0 else value
+        return replace(self, attributes=found)
+
+    def on_segments(self, name: str) -> NDArray[np.float32]:
+        """Return an attribute at the begin and the end of each curve segment of the file that `save` writes for Mitsuba.
+
+        A row is what `prim_index` of a hit on that file's `bsplinecurve` counts; between its two values they run linearly in
+        the segment's parameter. A strand of n points has n - 1 segments. The last row belongs to the strand of radius 0 at
+        the file's end, and repeats the last value.
+
+        Returns
+        -------
+        NDArray
+            Shape (N - strands + 1, 2, C), single precision; C is 1 for an attribute with a number a strand or a point.
+
+        Raises
+        ------
+        ValueError
+            The groom has no attribute of this name.
+        """
+        if name not in self.attributes:
+            raise ValueError(f"the groom has no attribute {name!r}; it has {', '.join(self.attributes) or 'none'}")
+        own = named.on_segments(self.attributes[name], self.offsets)
+        return np.append(own, np.repeat(own[-1:, 1:], 2, axis=1), axis=0)
+
     def with_followers(self, count: int, spread: float, *, tip_spread: float | None = None, seed: int = 1) -> Groom:
-        """Return the groom with `count` copies of each strand beside it.
+        """Return the groom with `count` copies of each strand beside it, which have its attributes.
 
         Parameters
         ----------
@@ -161,7 +207,8 @@ class Groom(Value):
             parts.append((self.points + width * shift).astype(np.float32))
         starts = [self.offsets[:-1] + k * len(self.points) for k in range(count + 1)]
         offsets = np.append(np.concatenate(starts), len(self.points) * (count + 1))
-        return Groom(np.concatenate(parts), offsets, np.tile(self.radius, count + 1), np.tile(self.bend, (count + 1, 1, 1)))
+        radius, bend = np.tile(self.radius, count + 1), np.tile(self.bend, (count + 1, 1, 1))
+        return Groom(np.concatenate(parts), offsets, radius, bend, named.tiled(self.attributes, count + 1))
 
     def interpolated(
         self,
@@ -177,7 +224,7 @@ class Groom(Value):
 
         Roots are spread evenly over the surface that the guides' roots span. A strand is the barycentric mean of the three
         guides around its root, point by point at equal shares of their lengths. Across a parting, where guides diverge by
-        35° to 70° and more, it follows the nearest alone.
+        35° to 70° and more, it follows the nearest alone. Attributes are blended as points are.
 
         Parameters
         ----------
@@ -202,17 +249,19 @@ class Groom(Value):
         """
         strands = validate.integer("strands", strands, 1, MAX_STRANDS)
         points = min(int(self.counts.max()), 1024) if points is None else validate.integer("points", points, 2, 1024)
-        check_size(strands * points * 4 * 8, f"hair of {strands:,} strands with {points} points each")
+        columns = named.columns(self.attributes, self.counts)
+        check_size(strands * points * (4 + columns.shape[1]) * 8, f"hair of {strands:,} strands with {points} points each")
         made = interpolation.follow_guides(
-            interpolation.resampled(*self.control_points(), points),
+            interpolation.resampled(*self.control_points(), points, named.on_segments(columns, self.offsets)),
             strands,
             clumping=validate.number("clumping", clumping, 0, 1),
             frizz=validate.number("frizz", frizz, 0, 1),
             length_variation=validate.number("length_variation", length_variation, 0, 0.9),
             rng=validate.random_numbers(seed),
-        ).reshape(-1, 4)
-        radius = np.maximum(made[:, 3], 0).astype(np.float32)
-        return Groom(made[:, :3].astype(np.float32), np.arange(strands + 1) * points, radius)
+        )
+        shape = made[..., :4].reshape(-1, 4).astype(np.float32)
+        attributes = named.of_columns(made[..., 4:], self.attributes, self.strands)
+        return Groom(shape[:, :3], np.arange(strands + 1) * points, np.maximum(shape[:, 3], 0), attributes=attributes)
 
     def control_points(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Return the control points of uniform cubic B-splines that pass through every point.
@@ -231,12 +280,17 @@ class Groom(Value):
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the text file of Mitsuba's `bsplinecurve`: one line `x y z radius` per control point, a blank line between
-        strands. `read_groom` reads the same groom back, to single precision.
+        strands. `read_groom` reads the same groom back, to single precision, without its attributes. A path that ends in
+        .npz gets NumPy arrays instead, all that the groom holds, which are read back bit for bit.
 
         The curves pass through the groom's points. A radius whose spline would swing below 0 is cut off there. A strand of
         radius 0, which no ray hits, is added at the end: Mitsuba 3.9 reads out of bounds where a ray hits the tip of the
         last curve. `read_groom` drops that strand.
         """
+        if Path(path).suffix.lower() == ".npz":
+            own = {n: getattr(self, n) for n in ("points", "offsets", "radius", "bend")}
+            write_arrays(path, own | dict(self.attributes))
+            return
         control, offsets = self.control_points()
         guard = np.column_stack([np.linspace(control[-2, :3], control[-1, :3], 4), np.zeros(4)])
         control, offsets = np.concatenate([control, guard]), np.append(offsets, len(control) + 4)
@@ -246,89 +300,29 @@ class Groom(Value):
         write_text(path, "".join(rows.tolist()) % tuple(control.ravel().tolist()))
 
 
-def _check_points(points: NDArray[np.float32]) -> None:
-    right = (np.abs(points) <= FARTHEST).all(axis=1)
-    if not right.all():
-        at = int(np.argmin(right))
-        said = "scale the groom" if np.isfinite(points[at]).all() else "mend or leave out its strand"
-        raise ValueError(f"points must be finite numbers within ±{FARTHEST:g}, point {at} is {points[at].tolist()}; {said}")
-
-
-def check_counts(counts: NDArray[np.int64], points: int) -> None:
-    """Raise ValueError unless the strands' numbers of points sum to all points."""
-    # Each is looked at before their sum: a sum beyond int64 wraps round, and NumPy repeats by it without a check.
-    if not len(counts) or counts.min() < 0 or counts.max() > points or counts.sum() != points:
-        most = f", {int(counts.max())} for one strand" if len(counts) else ""
-        raise ValueError(f"its strands must have the {points} points that it holds, they have {sum(counts.tolist())}{most}")
-
-
-def _check_radius(radius: NDArray) -> None:
-    right = (radius >= 0) & (radius <= FARTHEST)
-    if not right.all():
-        at = int(np.argmin(right))
-        raise ValueError(
-            f"radius must be finite and at least 0 everywhere, and at most {FARTHEST:g}; point {at} has {radius[at]:g}"
-        )
-
-
-def _kept_bend(bend: NDArray[np.float32], counts: NDArray[np.int64], kept: NDArray[np.int64]) -> NDArray[np.float32]:
-    """The bend of the strands that are kept. One that loses points has other knots, for which it does not hold."""
-    return np.where((kept == counts)[:, None, None], bend, 0)[kept > 0]
-
-
-def distinct_points(
-    points: NDArray[np.float32], counts: NDArray[np.int64]
-) -> tuple[NDArray[np.bool_], NDArray[np.int64], str]:
-    """Return which points differ from the one before them on their strand, and what is left without the others.
-
-    Returns
-    -------
-    keep
-        The points to keep, shape (N,).
-    kept
-        The number of points that each strand keeps, shape (strands,): 0 for a strand of no length.
-    left_out
-        What is left out, in words; empty where all is kept.
-
-    Raises
-    ------
-    ValueError
-        No strand has a length.
-    """
-    strand = np.repeat(np.arange(len(counts)), counts)
-    step = np.abs(np.diff(points, axis=0)).max(axis=1, initial=0)
-    size = np.abs(points).max(axis=1, initial=0)
-    least = np.maximum(np.finfo(np.float32).eps * np.maximum(size[1:], size[:-1]), _CLOSEST)
-    keep = np.ones(len(points), bool)
-    keep[1:] = (step > least) | (strand[1:] != strand[:-1])
-    kept = np.bincount(strand[keep], minlength=len(counts))
-    short = kept == 1
-    if (kept < 2).all():
-        raise ValueError("no strand has 2 points that differ")
-    repeated, pointlike = int((counts - kept)[~short].sum()), int(short.sum())
-    keep &= ~short[strand]
-    said = [
-        f"{n:,} {what}{'s' * (n > 1)}{rest}"
-        for n, what, rest in ((repeated, "repeated point", ""), (pointlike, "strand", " of no length"))
-        if n
-    ]
-    return keep, np.where(short, 0, kept), " and ".join(said)
-
-
 def join_grooms(grooms: Sequence[Groom]) -> Groom:
-    """Return one groom with the strands of all grooms. Hairstyles often come in several files."""
+    """Return one groom with the strands of all grooms. Hairstyles often come in several files.
+
+    An attribute that not all have, with as many channels, is left out, and a warning names it: no number stands for a strand
+    without a value. `with_attributes` gives the others one before.
+    """
     if not grooms:
         raise ValueError("grooms must hold at least one groom, got none")
     starts = np.cumsum([0, *(len(g.points) for g in grooms)])
     offsets = np.append(np.concatenate([g.offsets[:-1] + s for g, s in zip(grooms, starts, strict=False)]), starts[-1])
     points, radius, bend = (np.concatenate([getattr(g, name) for g in grooms]) for name in ("points", "radius", "bend"))
-    return Groom(points, offsets, radius, bend)
+    names = [f"groom {k}" for k in range(len(grooms))]
+    attributes, lost = named.joined([g.attributes for g in grooms], [g.counts for g in grooms], names)
+    if lost:
+        warnings.warn(f"join_grooms: {named.note(lost)[0]}; with_attributes gives it to all", stacklevel=2)
+    return Groom(points, offsets, radius, bend, attributes)
 
 
 def read_groom(path: str | os.PathLike[str], *, radius: float | None = None, frame: float | None = None) -> Groom:
     """Read a hair file; the file's ending selects the reader in `cuticle.grooms.readers.READERS`.
 
-    Repeated points, strands of no length and strands of no width are left out. A warning says how many.
+    Repeated points, strands of no length and strands of no width are left out. A warning says how many, and names what of
+    the file's attributes a groom cannot carry.
 
     Parameters
     ----------
@@ -354,16 +348,17 @@ def read_groom(path: str | os.PathLike[str], *, radius: float | None = None, fra
     if frame is not None:
         frame = validate.number("frame", frame, -1e9, 1e9)
     with reading(path, "groom"):
-        points, counts, found, bend, notes = readers.read(path, frame)
+        points, counts, found, bend, notes, given = readers.read(path, frame)
         check_counts(counts, len(points))
+        attributes, lost = named.readable(given, len(counts), len(points))
         with np.errstate(over="ignore"):  # what is too large for single precision is refused
             points = points.astype(np.float32)
         if found is not None:
-            _check_radius(found)
-        _check_points(points)
+            check_radius(found)
+        check_points(points)
         keep, kept, left_out = distinct_points(points, counts)
-        bend = _kept_bend(np.zeros((len(counts), 2, 4), np.float32) if bend is None else bend, counts, kept)
-        points, counts = points[keep], kept[kept > 0]
+        bend = kept_bend(np.zeros((len(counts), 2, 4), np.float32) if bend is None else bend, counts, kept)
+        points, counts, attributes = points[keep], kept[kept > 0], named.chosen(attributes, kept > 0, keep)
         if found is not None:
             found = found[keep]
             wide = np.maximum.reduceat(found, np.cumsum(counts) - counts) > 0
@@ -372,12 +367,13 @@ def read_groom(path: str | os.PathLike[str], *, radius: float | None = None, fra
             if not wide.all():
                 left_out = " and ".join(filter(None, [left_out, f"{(~wide).sum():,} strand(s) of no width"]))
             keep = np.repeat(wide, counts)
+            attributes = named.chosen(attributes, wide, keep)
             points, found, counts, bend = points[keep], found[keep], counts[wide], bend[wide]
         if radius is not None or found is None:
             found = np.float32(default_radius(points) if radius is None else radius)
             bend = bend * _POSITION
-        groom = Groom(points, np.append(0, np.cumsum(counts)), found, bend)
-    notes = (*notes, f"left out {left_out}") if left_out else notes
+        groom = Groom(points, np.append(0, np.cumsum(counts)), found, bend, attributes)
+    notes = (*notes, *named.note(lost), *[f"left out {left_out}"] * bool(left_out))
     if notes:
         warnings.warn(f"{path}: {'; '.join(notes)}", stacklevel=2)
     return groom

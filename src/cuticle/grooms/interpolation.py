@@ -26,10 +26,11 @@ _ALIKE, _APART = (
 _CHUNK = 4096
 
 
-def resampled(control: Array, offsets: Indices, points: int) -> Array:
-    """Return `points` points on each cubic B-spline, at equal steps of its length: (strands, points, d).
+def resampled(control: Array, offsets: Indices, points: int, linear: NDArray) -> Array:
+    """Return `points` points on each cubic B-spline, at equal steps of its length: (strands, points, d + C).
 
-    `control` and `offsets` are as `splines.to_control` returns them; the first three columns are the position.
+    `control` and `offsets` are as `splines.to_control` returns them; the first three columns are the position. `linear`
+    holds what runs linearly along each segment, at its begin and its end: (segments, 2, C), the last columns of the result.
     """
     counts = np.diff(offsets)
     segments = counts - 3
@@ -39,9 +40,11 @@ def resampled(control: Array, offsets: Indices, points: int) -> Array:
         np.concatenate([(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, 3 * (1 - t) ** 3 - 6 * (1 - t) ** 2 + 4, t**3], axis=1) / 6
     )
     fine = np.einsum("tk,ikd->itd", weights, control[first[:, None] + np.arange(4)])
+    fine = np.concatenate([fine, (1 - t) * linear[:, :1] + t * linear[:, 1:]], axis=2)
     ends = (control[offsets[1:] - 3] + 4 * control[offsets[1:] - 2] + control[offsets[1:] - 1]) / 6
+    ends = np.concatenate([ends, linear[np.cumsum(segments) - 1, 1]], axis=1)
     stops = np.cumsum(_PIECES * segments)
-    fine = np.insert(fine.reshape(-1, control.shape[1]), stops, ends, axis=0)
+    fine = np.insert(fine.reshape(-1, fine.shape[2]), stops, ends, axis=0)
     starts = np.append(0, stops[:-1] + np.arange(1, len(stops)))
     step = np.linalg.norm(np.diff(fine[:, :3], axis=0, prepend=fine[:1, :3]), axis=1)
     step[starts] = 0

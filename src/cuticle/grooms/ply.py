@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cuticle._support.files import check_size, read_bytes
+from cuticle.grooms.attributes import note
 
 _TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4", "double": "f8",
@@ -19,6 +20,8 @@ _TYPES = {
 _ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
 _LISTS = ("vertex_indices", "vertex_index")
 _STRAND = ("strand", "strand_id", "strand_index")
+_NORMAL = ("nx", "ny", "nz")
+_ENDS = ("vertex1", "vertex2")
 _WIDTHS = {"radius": 1.0, "width": 0.5, "thickness": 0.5}
 _LONGEST = 65536  # bytes of a header
 
@@ -31,8 +34,9 @@ class Element(NamedTuple):
     properties: list[tuple[str, str, str]]
 
 
-def read_ply(path: Path) -> tuple[NDArray, NDArray[np.int64], NDArray | None]:
-    """Return points, points of each strand, and radii where vertices have radius, width or thickness.
+def read_ply(path: Path) -> tuple[Any, ...]:
+    """Return points, points of each strand, radii where vertices have radius, width or thickness, no bend, notes, and the
+    other properties of vertices and of the element that lists strands as attributes.
 
     Strands are, in this order, the lists `vertex_indices` of an element that is not "face"; the chains of the element
     "edge" (vertex1, vertex2), each edge in the direction of its strand; or the runs of a vertex property strand, strand_id
@@ -46,12 +50,34 @@ def read_ply(path: Path) -> tuple[NDArray, NDArray[np.int64], NDArray | None]:
     if missing:
         raise ValueError(f"its vertices have no {', '.join(missing)}")
     points = np.column_stack([vertex[a] for a in "xyz"])
-    indices, counts = _strands(arrays, len(points))
+    indices, counts, source = _strands(arrays, len(points))
     if len(indices) and not (indices.min() >= 0 and indices.max() < len(points)):
         wrong = int(indices[np.argmax((indices < 0) | (indices >= len(points)))])
         raise ValueError(f"a strand names vertex {wrong}, the file has {len(points)}")
     found = next((name for name in _WIDTHS if name in vertex), None)
-    return points[indices], counts, None if found is None else _WIDTHS[found] * vertex[found][indices]
+    radius = None if found is None else _WIDTHS[found] * vertex[found][indices]
+    attributes, notes = _attributes(arrays, source, indices)
+    return points[indices], counts, radius, None, notes, attributes
+
+
+def _attributes(
+    arrays: dict[str, Columns], source: str, indices: NDArray[np.int64]
+) -> tuple[dict[str, NDArray], tuple[str, ...]]:
+    """The properties of vertices, at every point, and of the element `source` that lists strands, one each; and a note on
+    what neither is.
+    """
+    used = {*"xyz", *_NORMAL, *_WIDTHS, *_LISTS, *_ENDS, source}
+    points, strands = (
+        {n: v for n, v in arrays.get(e, {}).items() if n not in used}
+        for e in ("vertex", "" if source == "vertex" else source)
+    )
+    lost = {n: "a list for each" for n, v in (points | strands).items() if not isinstance(v, np.ndarray)}
+    if source == "edge":
+        lost |= dict.fromkeys(strands, "edges have it, not strands")
+    else:
+        lost |= {n: f"both vertex and {source} have one" for n in points if n in strands}
+    found = {n: np.asarray(v)[indices] for n, v in points.items() if n not in lost}
+    return found | {n: np.asarray(v) for n, v in strands.items() if n not in lost}, tuple(note(lost))
 
 
 def _header(data: bytes) -> tuple[str | None, list[Element], int]:
@@ -162,16 +188,18 @@ def _text(body: bytes, elements: list[Element]) -> dict[str, Columns]:
     return out
 
 
-def _strands(arrays: dict[str, Columns], points: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The vertices of all strands, one strand after the other, and how many each has."""
+def _strands(arrays: dict[str, Columns], points: int) -> tuple[NDArray[np.int64], NDArray[np.int64], str]:
+    """The vertices of all strands, one strand after the other, how many each has, and the element or the property of
+    vertices that says so.
+    """
     for element, columns in arrays.items():
         lists = next((columns[n] for n in _LISTS if n in columns), None)
         if element != "face" and isinstance(lists, list) and lists:
-            return np.concatenate(lists).astype(np.int64), np.array([len(x) for x in lists], np.int64)
+            return np.concatenate(lists).astype(np.int64), np.array([len(x) for x in lists], np.int64), element
     edge = arrays.get("edge", {})
-    if all(isinstance(edge.get(n), np.ndarray) and len(edge[n]) for n in ("vertex1", "vertex2")):
-        first, second = (np.asarray(edge[n]).astype(np.int64) for n in ("vertex1", "vertex2"))
-        return _chains(first, second, points)
+    if all(isinstance(edge.get(n), np.ndarray) and len(edge[n]) for n in _ENDS):
+        first, second = (np.asarray(edge[n]).astype(np.int64) for n in _ENDS)
+        return *_chains(first, second, points), "edge"
     name = next((n for n in _STRAND if n in arrays["vertex"]), None)
     if name is None or not points:
         raise ValueError(
@@ -180,7 +208,7 @@ def _strands(arrays: dict[str, Columns], points: int) -> tuple[NDArray[np.int64]
         )
     own = np.asarray(arrays["vertex"][name])
     starts = np.flatnonzero(np.append(True, own[1:] != own[:-1]))
-    return np.arange(points), np.diff(np.append(starts, points))
+    return np.arange(points), np.diff(np.append(starts, points)), name
 
 
 def _chains(first: NDArray[np.int64], second: NDArray[np.int64], points: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

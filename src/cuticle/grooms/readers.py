@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import struct
 from array import array
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,9 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cuticle._support import files
+from cuticle.grooms import attributes as named
 from cuticle.grooms import splines
 from cuticle.grooms.alembic import read_alembic
 from cuticle.grooms.ply import read_ply
+from cuticle.grooms.scene_curves import ATTRIBUTE
 from cuticle.grooms.usd import read_usd
 from cuticle.scattering.table_files import read_arrays
 
@@ -38,6 +40,9 @@ class Raw(NamedTuple):
         As `Groom.bend`, shape (strands, 2, 4), or None.
     notes
         What the user should know of what is left out or made up, a line each.
+    attributes
+        Other values by their names in the file: one a strand, (strands,) or (strands, C), or one a point, (N,) or (N, C).
+        What is not such numbers is left out, and a warning names it.
     """
 
     points: NDArray
@@ -45,6 +50,7 @@ class Raw(NamedTuple):
     radius: NDArray | None = None
     bend: NDArray | None = None
     notes: tuple[str, ...] = ()
+    attributes: Mapping[str, NDArray] = named.NONE
 
 
 class Reader(NamedTuple):
@@ -151,10 +157,17 @@ def _cyhair(path: Path, data: bytes) -> Raw:
     radius: NDArray[np.float32] | None = None
     if flags & 4:
         radius = (0.5 * _take(path, data, at, "<f4", points, "the thickness")).astype(np.float32)
+        at += 4 * points
     elif thickness != 0 and not (thickness == 1 and np.ptp(xyz, axis=0).max() < 1):
         # 1 is also what cyHair's own writer leaves there. It is no thickness where it is more than the groom's size.
         radius = np.full(points, 0.5 * thickness, np.float32)
-    return Raw(xyz, counts, radius)
+    attributes = {}
+    if flags & 8:
+        attributes["transparency"] = _take(path, data, at, "<f4", points, "the transparency")
+        at += 4 * points
+    if flags & 16:
+        attributes["color"] = _take(path, data, at, "<f4", 3 * points, "the colors").reshape(-1, 3)
+    return Raw(xyz, counts, radius, attributes=attributes)
 
 
 def _hair(path: Path) -> Raw:
@@ -181,7 +194,8 @@ def _monohair(path: Path, data: bytes) -> Raw:
 def _npz(path: Path) -> Raw:
     """NumPy arrays: `points` (strands, points, 3), or (N, 3) with `counts` (strands,) or `offsets` (strands + 1,).
 
-    `radius`, where there is one: at each point, one a strand, or a single number.
+    `radius`, where there is one: at each point, one a strand, or a single number. `bend` as `Groom.bend`. All others are
+    attributes.
     """
     arrays = read_arrays(path, "groom")
     if "points" not in arrays:
@@ -203,16 +217,27 @@ def _npz(path: Path) -> Raw:
     points = points.reshape(-1, 3)
     if counts.ndim != 1:
         raise ValueError(f"counts must have shape (strands,), offsets (strands + 1,); got {counts.ndim} axes")
+    bend = _numbers(arrays, "bend") if "bend" in arrays else None
+    if bend is not None and bend.shape != (len(counts), 2, 4):
+        raise ValueError(f"bend must have shape ({len(counts)}, 2, 4), got {bend.shape}")
+    own = {name: values for name, values in arrays.items() if name not in named.TAKEN}
+    if arrays["points"].ndim == 3:
+        dense = arrays["points"].shape[:2]
+        own = {n: v.reshape(-1, *v.shape[2:]) if v.shape[:2] == dense else v for n, v in own.items()}
+    return Raw(points, counts, _npz_radius(arrays, counts, len(points)), bend, attributes=own)
+
+
+def _npz_radius(arrays: dict[str, NDArray], counts: NDArray[np.int64], points: int) -> NDArray | None:
     if "radius" not in arrays:
-        return Raw(points, counts)
+        return None
     radius = _numbers(arrays, "radius")
-    if radius.size == len(points):
-        return Raw(points, counts, radius.ravel())
+    if radius.size == points:
+        return radius.ravel()
     if radius.size not in (1, len(counts)):
         raise ValueError(
-            f"radius must have {len(points)} values, one a point, or {len(counts)}, one a strand, or 1; got {radius.size}"
+            f"radius must have {points} values, one a point, or {len(counts)}, one a strand, or 1; got {radius.size}"
         )
-    return Raw(points, counts, np.repeat(np.broadcast_to(radius.ravel(), len(counts)), counts))
+    return np.repeat(np.broadcast_to(radius.ravel(), len(counts)), counts)
 
 
 def _numbers(arrays: dict[str, NDArray], name: str, kinds: str = "fiu") -> NDArray:
@@ -297,7 +322,8 @@ def _text(path: Path) -> Raw:
 def _scene(arrays: dict[str, NDArray]) -> Raw:
     notes = tuple(map(str, arrays["notes"]))
     radius = arrays["radius"] if arrays["radius"].size else None
-    return Raw(arrays["points"], arrays["counts"], radius, arrays["bend"], notes)
+    own = {name.removeprefix(ATTRIBUTE): values for name, values in arrays.items() if name.startswith(ATTRIBUTE)}
+    return Raw(arrays["points"], arrays["counts"], radius, arrays["bend"], notes, own)
 
 
 READERS = [

@@ -7,6 +7,8 @@ bend at its ends is the natural spline through its points.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_banded
@@ -98,19 +100,34 @@ def to_splines(
     validate.choice("basis", basis, BASES)
     validate.choice("wrap", wrap, WRAPS)
     counts = counts[counts > 0]
-    starts = np.cumsum(counts) - counts
-    parts: dict[int, tuple[Array, Array]] = {}
-    for count in np.unique(counts):  # curves of one length form one array
-        own = vertices[starts[counts == count, None] + np.arange(count)]
-        parts[int(count)] = _convert(own, type_, basis, wrap) if count > 1 else (own, np.zeros((len(own), 2, own.shape[2])))
-    made = np.array([parts[int(c)][0].shape[1] for c in counts], np.int64)
-    ends = np.cumsum(made)
-    points, bend = np.empty((int(made.sum()), vertices.shape[1])), np.empty((len(counts), 2, vertices.shape[1]))
-    for count, (own, bent) in parts.items():
-        at = counts == count
-        points[(ends - made)[at, None] + np.arange(own.shape[1])] = own
-        bend[at] = bent
+    bend = np.zeros((len(counts), 2, vertices.shape[1]))
+
+    def convert(own: Array, count: int) -> Array:
+        if count > 1:
+            own, bend[counts == count] = _convert(own, type_, basis, wrap)
+        return own
+
+    points, made = _by_length(vertices, counts, counts, convert)
     return points, made, bend
+
+
+def _by_length(
+    values: Array, counts: NDArray[np.int64], given: NDArray[np.int64], convert: Callable[[Array, int], Array]
+) -> tuple[Array, NDArray[np.int64]]:
+    """Return what `convert` makes of the values of curves, (curves, given, d) for all of one length at once, as one array in
+    the curves' order, and how many each has of it.
+    """
+    starts = np.cumsum(given) - given
+    parts: dict[int, Array] = {}
+    for count in np.unique(counts):
+        at = counts == count
+        parts[int(count)] = convert(values[starts[at, None] + np.arange(given[at][0])], int(count))
+    made = np.array([parts[int(c)].shape[1] for c in counts], np.int64)
+    ends = np.cumsum(made)
+    out = np.empty((int(made.sum()), values.shape[1]))
+    for count, own in parts.items():
+        out[(ends - made)[counts == count, None] + np.arange(own.shape[1])] = own
+    return out, made
 
 
 def _convert(v: Array, type_: str, basis: str, wrap: str) -> tuple[Array, Array]:
@@ -147,21 +164,21 @@ def _sampled(v: Array) -> tuple[Array, Array]:
 
 
 def along_segments(values: Array, counts: NDArray[np.int64], type_: str, basis: str, wrap: str) -> Array:
-    """Return values given at the ends of segments ("varying") at every point that `to_splines` makes of the curves.
+    """Return values given at the ends of segments ("varying"), (n, d), at every point that `to_splines` makes of the curves.
 
     They run linearly along a segment. A periodic curve's last segment ends with its first value.
     """
     pieces = PIECES if type_ == "cubic" and basis != "bspline" else 1
-    out, at = [], 0
-    t = np.arange(pieces) / pieces
-    for count in counts[counts > 0]:
-        given = varying_values(int(count), type_, basis, wrap)
-        own = values[at : at + given]
-        at += given
-        own = np.append(own, own[:1]) if wrap == "periodic" and count > 1 else own
-        between = own[:-1, None] + t * np.diff(own)[:, None]
-        out.append(np.append(between.ravel(), own[-1:]))
-    return np.concatenate(out)
+    t = (np.arange(pieces) / pieces)[:, None]
+
+    def convert(own: Array, count: int) -> Array:
+        own = np.concatenate([own, own[:, :1]], axis=1) if wrap == "periodic" and count > 1 else own
+        between = own[:, :-1, None] + t * np.diff(own, axis=1)[:, :, None]
+        return np.concatenate([between.reshape(len(own), -1, own.shape[2]), own[:, -1:]], axis=1)
+
+    counts = counts[counts > 0]
+    given = np.array([varying_values(int(c), type_, basis, wrap) for c in counts], np.int64)
+    return _by_length(values, counts, given, convert)[0]
 
 
 def varying_values(count: int, type_: str, basis: str, wrap: str) -> int:

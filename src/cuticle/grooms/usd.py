@@ -14,6 +14,7 @@ from cuticle.grooms import splines
 from cuticle.grooms.apart import read_apart, serve
 from cuticle.grooms.scene_curves import Curves, assemble, check_frame, left_out
 
+_GEOMETRY = ("widths", "normals")  # primvars that are no attributes
 _Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # (x, y, z) to (x, z, -y)
 
 
@@ -116,7 +117,8 @@ def _curves(prim: Any, time: Any, times: list[float], matrix: Any) -> Curves:
     else:
         attribute = curves.GetWidthsAttr()
         values = attribute.Get(time)
-    for a in (curves.GetPointsAttr(), attribute):
+    own = [p for p in UsdGeom.PrimvarsAPI(prim).FindPrimvarsWithInheritance() if p.GetPrimvarName() not in _GEOMETRY]
+    for a in (curves.GetPointsAttr(), attribute, *own):
         times += a.GetTimeSamples()
     type_, basis, wrap = (str(a.Get()) for a in (curves.GetTypeAttr(), curves.GetBasisAttr(), curves.GetWrapAttr()))
     if not curves.GetTypeAttr().HasAuthoredValue() and not splines.allowed(counts, type_, basis, wrap):
@@ -131,7 +133,20 @@ def _curves(prim: Any, time: Any, times: list[float], matrix: Any) -> Curves:
         None if values is None else np.atleast_1d(np.array(values, np.float64)),
         attribute.GetMetadata("interpolation") or "",
         np.array(matrix),
+        {str(p.GetPrimvarName()): _values(p, time) for p in own if p.HasAuthoredValue()},
     )
+
+
+def _values(primvar: Any, time: Any) -> tuple[NDArray, str]:
+    """A primvar's values, one a row, and its interpolation. Those that no array of numbers holds are left out later."""
+    values = np.array(primvar.ComputeFlattened(time))  # of type object where its indices go beyond its values
+    size = primvar.GetElementSize()
+    if not primvar.GetTypeName().isArray:
+        values = values[None]
+    elif size > 1 and values.ndim == 1 and len(values) % size == 0:
+        values = values.reshape(-1, size)
+    # USD gives the corners of a face values of their own; curves have none but the ends of segments.
+    return values, str(primvar.GetInterpolation()).replace("faceVarying", "varying")
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ import io
 import math
 import os
 import zipfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +56,16 @@ def read_arrays(path: str | os.PathLike[str], what: str) -> dict[str, NDArray]:
         file.seek(0)
         with np.load(file, allow_pickle=False) as arrays:
             return {name: arrays[name] for name in arrays.files}
+
+
+def write_arrays(path: str | os.PathLike[str], arrays: Mapping[str, NDArray]) -> Path:
+    """Write an .npz file that `read_arrays` reads, whole or not at all: the same bytes for the same arrays, of any names."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        for name, values in arrays.items():
+            with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w", force_zip64=True) as file:
+                np.lib.format.write_array(file, values, allow_pickle=False)
+    return write_bytes(path, buffer.getvalue())
 
 
 def _declared_bytes(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> int:
