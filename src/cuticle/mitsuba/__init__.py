@@ -1,4 +1,6 @@
-"""Plugins for Mitsuba 3: the BSDF `cuticle` and the integrator `dual_scattering`. Importing this module registers them.
+"""Plugins for Mitsuba 3: the BSDF `cuticle`, the texture `cuticle_strands` and the integrator `dual_scattering`.
+
+Importing this module registers them.
 
 The plugins are compiled from the core's headers. Python prepares what they read: the tables of the scattering function and
 the fitted lobes. docs/mitsuba.md lists every parameter.
@@ -21,7 +23,7 @@ from cuticle import _core
 from cuticle._support.backends import check_backend
 from cuticle.fitting.fit import OWN
 
-__all__ = ["MITSUBA_VERSION", "VARIANTS", "Material", "build", "read_material", "register"]
+__all__ = ["MITSUBA_VERSION", "VARIANTS", "Material", "build", "read_material", "register", "strand_texture"]
 
 MITSUBA_VERSION = "3.9.1"  # plugins compiled against one version load in no other
 VARIANTS = ("scalar_rgb", "scalar_spectral", "llvm_ad_rgb", "llvm_ad_spectral", "cuda_ad_rgb", "cuda_ad_spectral")
@@ -36,6 +38,7 @@ except ImportError as error:
 from cuticle.mitsuba.build import build  # noqa: E402 - where Mitsuba is absent, its own message
 from cuticle.mitsuba.material import Material, read_material  # noqa: E402
 from cuticle.mitsuba.parameters import Parameters  # noqa: E402
+from cuticle.mitsuba.strand_values import make_texture, strand_texture  # noqa: E402
 from cuticle.mitsuba.textures import mean_of, textures_of  # noqa: E402
 
 
@@ -45,7 +48,7 @@ def plugin_folder() -> Path:
 
 
 def register() -> None:
-    """Register `cuticle` and `dual_scattering` with Mitsuba, in every variant that they are compiled for.
+    """Register `cuticle`, `cuticle_strands` and `dual_scattering` with Mitsuba, in every variant that they are compiled for.
 
     Importing the module calls this function. Calling it again is harmless.
 
@@ -77,6 +80,12 @@ def _register_in(_: str | None, variant: str | None) -> None:
     if str(plugin_folder()) not in str(resolver):
         resolver.append(str(plugin_folder()))
     mi.register_bsdf("cuticle", partial(_core.in_one_line, _make_bsdf))
+    mi.register_texture("cuticle_strands", partial(_core.in_one_line, _make_texture))
+
+
+def _make_texture(props: Any) -> Any:
+    check_variant()
+    return make_texture(props)
 
 
 def check_variant() -> None:

@@ -31,6 +31,6 @@ def spectrum(values: tuple[float, ...]) -> Any:
     )
 
 
-def tensor(values: NDArray[np.float64]) -> Any:
+def tensor(values: NDArray[np.floating[Any]]) -> Any:
     """Return an array as Mitsuba takes it, in single precision."""
     return mi.TensorXf(np.ascontiguousarray(values, np.float32))

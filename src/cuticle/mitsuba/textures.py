@@ -9,6 +9,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from cuticle.mitsuba.strand_values import attribute_mean
 from cuticle.scattering.any_fibre import FORMS
 
 PIGMENTS = ("eumelanin", "pheomelanin")
@@ -36,10 +37,8 @@ def textures_of(props: Any, given: Mapping[str, Any]) -> dict[str, Any]:
 
 def mean_of(name: str, texture: Any) -> Any:
     """Return the mean of a texture over a strand's files or over uv, as a scene would give it: a number or a colour."""
-    if texture.class_name() == "CuticleValues":
-        values = np.array(mi.traverse(texture)["values"])
-        mean = values.reshape(-1, values.shape[-1]).mean(axis=0)
-    else:
+    mean = attribute_mean(texture)
+    if mean is None:
         mean = _over_uv(texture)
     mean = np.maximum(mean, 1e-4 if name == "color" else 0)
     if name == "color":
