@@ -27,10 +27,19 @@ from test_mitsuba import UseVariant
             {"fibre": "brown", "sigma_a": {"type": "uniform", "value": 0.3}, "lobes": 1},
             "sigma_a as a texture needs a closed form: a Fibre's of the exact formulation or Chiang's, and sampling function",
         ),
-        ({"fibre": "brown", "d_f": {"type": "uniform", "value": 0.3}}, "d_f must not be a texture; these may: scale, beta_m"),
+        (
+            {"fibre": "brown", "d_f": {"type": "uniform", "value": 0.3}},
+            "d_f must not be a texture; these may: scale, beta_m",
+        ),
         ({"fibre": "brown", "beta_N": {"type": "uniform", "value": 99}}, "beta_N must be in [0.2, 90] degrees, got 99"),
-        ({"fibre": "document", "sampling": "function"}, "sampling function: formulation zinke2008 has no density of its own"),
-        ({"fibre": "brown", "beta_N": 60.0, "sampling": "function"}, "sampling function: beta_N must lie in [1, 45], got 60"),
+        (
+            {"fibre": "document", "sampling": "function"},
+            "sampling function: formulation zinke2008 has no density of its own",
+        ),
+        (
+            {"fibre": "brown", "beta_N": 60.0, "sampling": "function"},
+            "sampling function: beta_N must lie in [1, 45], got 60",
+        ),
         ({"fibre": "brown", "sampling": "function", "lobes": 2}, "lobes is their number, for sampling lobes; leave it out"),
         ({"fibre": "brown", "beta_R": 400.0}, "beta_R must be in [0.1, 60] degrees, got 400"),
         ({"fibre": "brown", "sampling": "best"}, "sampling must be one of function, lobes, document, uniform; got 'best'"),

@@ -212,7 +212,10 @@ def test_command_line_compares(tmp_path: Path) -> None:
         (("ball", "-o", "a.png", "--fibre", "red"), "a scattering function must be a preset"),
         (("ball", "-o", "a.png", "--light", "moon"), "light must be one of env, studio, area, point, sun; got 'moon'"),
         (("ball", "-o", "a.png", "--integrator", "magic"), "integrator must be one of path, direct, dual; got 'magic'"),
-        (("ball", "-o", "a.png", "--sampling", "best"), "sampling must be one of function, lobes, document, uniform; got 'best'"),
+        (
+            ("ball", "-o", "a.png", "--sampling", "best"),
+            "sampling must be one of function, lobes, document, uniform; got 'best'",
+        ),
         (("ball", "-o", "a.png", "--counter", "fingers"), "--counter must be one of grid, trace; got 'fingers'"),
         (("ball", "-o", "a.png", "--spp", "0"), "--spp must be in [1, 1.04858e+06], got 0"),
         (("ball", "-o", "a.png", "--width", "0"), "width must be in [1, 8192], got 0"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -13,16 +14,20 @@ from typer.core import TyperGroup
 from cuticle._support import validate
 from cuticle._support.files import check_directory, check_file, filling
 from cuticle.cli.tables import table
-from cuticle.cli.terminal import JsonOption, out, progress_bar, refuse_idle
+from cuticle.cli.terminal import JsonOption, out, progress_bar, refuse_idle, was_given
 from cuticle.fitting.fit import SAMPLINGS
 from cuticle.grooms.bust import Bust
 from cuticle.grooms.groom import MAX_FOLLOWERS, MAX_STRANDS, Groom, join_grooms, read_groom
 from cuticle.grooms.procedural import hair_ball, hair_head, head_bust, wavy_lock
 from cuticle.grooms.readers import known_formats
-from cuticle.render.scene import INTEGRATORS, LIGHTS, Light, View, bsdf, bust_shape, integrator, load_scene, mitsuba
+from cuticle.grooms.variation import vary
+from cuticle.render.scene import INTEGRATORS, LIGHTS, Light, View, bsdf, bust_shape, integrator, load_scene, mitsuba, varies
 from cuticle.sampling.sampler import Sampler
+from cuticle.scattering.any_fibre import FORMS
 from cuticle.scattering.by_name import read_parameters_or_model
+from cuticle.scattering.chiang import Chiang
 
+VARIATIONS = tuple(inspect.signature(vary).parameters)[1:]
 BUILT_IN: dict[str, Callable[[], Groom]] = {"head": hair_head, "ball": hair_ball, "lock": wavy_lock}
 
 
@@ -98,6 +103,21 @@ def _groom(
     return groom
 
 
+def _variation(given: list[str]) -> dict[str, Any]:
+    """The arguments of `vary` from NAME=NUMBER, or three numbers for a dye."""
+    out: dict[str, Any] = {}
+    for text in given:
+        name, _, value = text.partition("=")
+        try:
+            numbers = [float(x) for x in value.split(",")]
+        except ValueError:
+            raise ValueError(f"--vary takes NAME=NUMBER, such as melanin=1.3, or dye=R,G,B; got {text!r}") from None
+        if name not in VARIATIONS:
+            raise ValueError(f"--vary has no {name!r}; it has {', '.join(VARIATIONS)}")
+        out[name] = numbers if name == "dye" else int(numbers[0]) if name == "seed" else numbers[0]
+    return out
+
+
 def _check_fibre(name: str) -> None:
     if name.endswith(".json"):
         Sampler.load(name)
@@ -130,6 +150,10 @@ def picture_command(
     interpolate: Annotated[
         int, typer.Option(help="Number of strands to interpolate between those of the groom, which are then guides.")
     ] = 0,
+    varied: Annotated[
+        list[str] | None,
+        typer.Option("--vary", metavar="NAME=NUMBER", help="Vary the strands (melanin, strays, dye, ...). Repeatable."),
+    ] = None,
     bust: Annotated[bool, typer.Option("--bust", help="Put head, neck and shoulders under the hair.")] = False,
     frame: FrameOption = None,
     width: WidthOption = 512,
@@ -166,12 +190,22 @@ def picture_command(
     validate.choice("--counter", counter, ("grid", "trace"))
     own: dict[str, Any] = {"counter": counter} if technique == "dual" else {}
     how = integrator(technique, depth=depth, **own)
-    material = bsdf(fibre, sampling, strands=technique == "dual")
     _check_fibre(fibre)
+    variation = _variation(varied or [])
     hair = _groom(groom, radius, tip, followers, spread, frame)
     under = (head_bust() if groom == ["head"] else Bust.fitted(hair)) if bust else None
     if interpolate:
         hair = hair.interpolated(interpolate)
+    if varied:
+        hair = vary(hair, **variation)
+    material = bsdf(fibre, sampling, strands=technique == "dual")
+    if own := varies(hair) & FORMS["chiang"].keys() - {"eta"}:  # the groom tells a fibre of its own
+        if not was_given(ctx, "fibre"):
+            del material["fibre"]
+        elif not isinstance(read_parameters_or_model(fibre), Chiang):
+            raise ValueError(
+                f"the groom's {min(own)} is for Chiang's fibres: leave --fibre out, or give a .toml with [chiang]"
+            )
     mi = mitsuba(variant)
     with progress_bar(json_output) as progress:
         progress("fitting the fibre, loading the scene", 0.0)

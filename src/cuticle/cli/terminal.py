@@ -53,11 +53,16 @@ def write_output(path: Path, text: str) -> None:
         write_text(path, text)
 
 
+def was_given(ctx: typer.Context, name: str) -> bool:
+    """Return whether the user gave a parameter, even if its value is the default's."""
+    source = ctx.get_parameter_source(name)
+    return source is not None and source.name != "DEFAULT"
+
+
 def refuse_idle(ctx: typer.Context, why: str, *names: str) -> None:
     """Raise ValueError for the first of the parameters that was given, though it would do nothing."""
     for parameter in ctx.command.params:
-        source = ctx.get_parameter_source(parameter.name or "")
-        if parameter.name in names and source is not None and source.name != "DEFAULT":
+        if parameter.name in names and was_given(ctx, parameter.name):
             raise ValueError(f"{parameter.opts[0]} does nothing {why}: leave it out")
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cuticle.mitsuba.material import Material
 from cuticle.mitsuba.spectra import spectrum, tensor
-from cuticle.mitsuba.textures import COLOURS, PIGMENTS, mean_of
+from cuticle.mitsuba.textures import COLOURS, PIGMENTS, mean_of, warn_outside
 from cuticle.scattering import conventions
 from cuticle.scattering.any_fibre import DEGREES, FORMS, OF_R, Parameter
 from cuticle.scattering.bcsdf import luminance_weights
@@ -52,6 +52,7 @@ def closed_form(material: Material, textures: Mapping[str, Any], scale: Any, tab
         props[f"range_{name}"] = mi.ScalarVector3d(p.low, p.high, unit)
         props[f"number_{name}"] = float(values[name])
         if name in textures:
+            warn_outside(name, textures[name], p)
             props[f"texture_{name}"] = textures[name]
         elif name in OF_R and name not in set_by_user:
             props[f"follows_{name}"] = OF_R[name]

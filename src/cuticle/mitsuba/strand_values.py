@@ -49,7 +49,7 @@ def make_texture(props: Any) -> Any:
         if name not in _PARAMETERS:
             raise ValueError(f"cuticle_strands has no parameter {name!r}; it has {' and '.join(_PARAMETERS)}")
     if len(given) < len(_PARAMETERS):
-        raise ValueError(f"cuticle_strands needs {' and '.join(_PARAMETERS)}: a groom's file, and the name of one of its values")
+        raise ValueError(f"cuticle_strands needs {' and '.join(_PARAMETERS)}: a groom's file, and a name in it")
     path = Path(str(mi.file_resolver().resolve(str(given["filename"]))))
     return strand_texture(_groom(str(path), path.stat().st_mtime_ns if path.is_file() else 0), str(given["attribute"]))
 
@@ -59,9 +59,6 @@ def _groom(path: str, _: int) -> Groom:
     return read_groom(path)
 
 
-def attribute_mean(texture: Any) -> NDArray[np.float64] | None:
-    """Return the mean by channel of a texture of this kind; of any other None."""
-    if texture.class_name() != "CuticleValues":
-        return None
-    values = np.array(mi.traverse(texture)["values"])
-    return values.reshape(-1, values.shape[-1]).mean(axis=0)
+def attribute_values(texture: Any) -> NDArray[np.float32] | None:
+    """Return what a texture of this kind holds, (segments, 2, channels); of any other None."""
+    return np.array(mi.traverse(texture)["values"]) if texture.class_name() == "CuticleValues" else None

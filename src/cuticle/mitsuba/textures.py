@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,12 +10,11 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from cuticle.mitsuba.strand_values import attribute_mean
-from cuticle.scattering.any_fibre import FORMS
+from cuticle.mitsuba.strand_values import attribute_values
+from cuticle.scattering.any_fibre import TEXTURED, Parameter
 
 PIGMENTS = ("eumelanin", "pheomelanin")
 COLOURS = ("sigma_a", "color")  # of three channels
-TEXTURED = (*dict.fromkeys(name for form in FORMS.values() for name in form), *PIGMENTS, *COLOURS)
 _GRID = (np.arange(16) + 0.5) / 16  # where a texture is looked at, over uv
 _PRIMARIES = (610.0, 550.0, 450.0, 450.0)  # nm: red, green, blue
 
@@ -37,15 +37,29 @@ def textures_of(props: Any, given: Mapping[str, Any]) -> dict[str, Any]:
 
 def mean_of(name: str, texture: Any) -> Any:
     """Return the mean of a texture over a strand's files or over uv, as a scene would give it: a number or a colour."""
-    mean = attribute_mean(texture)
-    if mean is None:
-        mean = _over_uv(texture)
+    values = attribute_values(texture)
+    mean = _over_uv(texture) if values is None else values.mean(axis=(0, 1))
+    if values is not None and len(mean) > 1 and name not in COLOURS:
+        raise ValueError(f"{name} takes one value a strand or a point, this attribute has {len(mean)}")
     mean = np.maximum(mean, 1e-4 if name == "color" else 0)
     if name == "color":
         mean = np.minimum(mean, 1)
     if name in COLOURS:
         return mi.ScalarColor3d(*np.broadcast_to(mean, 3).tolist())
     return float(mean.mean())
+
+
+def warn_outside(name: str, texture: Any, allowed: Parameter) -> None:
+    """Warn of a groom's values that will be held to a parameter's range; of other textures none can be told."""
+    if (values := attribute_values(texture)) is None:
+        return
+    outside = int(((values < allowed.low) | (values > allowed.high)).any(axis=(1, 2)).sum())
+    if outside:
+        warnings.warn(
+            f"{name}: on {outside:,} of {len(values):,} segments it lies outside [{allowed.low:g}, {allowed.high:g}] and is"
+            " held to that range",
+            stacklevel=2,
+        )
 
 
 def _over_uv(texture: Any) -> NDArray[np.float64]:

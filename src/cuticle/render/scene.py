@@ -16,6 +16,7 @@ from cuticle._support.backends import check_backend
 from cuticle.fitting.fit import SAMPLINGS
 from cuticle.grooms.bust import Bust
 from cuticle.grooms.groom import Groom
+from cuticle.scattering.any_fibre import ABSORPTION, TEXTURED
 
 __all__ = ["INTEGRATORS", "LIGHTS", "Light", "View", "bsdf", "bust_shape", "integrator", "load_scene", "mitsuba"]
 
@@ -222,7 +223,7 @@ def load_scene(
     groom
         The hair.
     material
-        Its BSDF, a dictionary or an object.
+        Its BSDF, a dictionary or an object. A dictionary of `cuticle` takes from the groom's attributes what it leaves open.
     view, light
         The camera and the light. Default: three quarters from the front, and light from everywhere.
     technique
@@ -246,6 +247,7 @@ def load_scene(
     distance = float(np.linalg.norm(origin - target))  # Mitsuba's camera sees from .01 to 10,000, in whatever unit
     camera = mi.ScalarTransform4f().look_at(origin=origin.tolist(), target=target.tolist(), up=view.axes()[1].tolist())
     with tempfile.TemporaryDirectory() as folder:
+        material = _with_attributes(groom, material)
         curves = Path(folder) / "groom.txt"
         groom.save(curves)
         return mi.load_dict(
@@ -273,3 +275,19 @@ def load_scene(
                 **(others or {}),
             }
         )
+
+
+def varies(groom: Groom) -> set[str]:
+    """Return which parameters of the BSDF `cuticle` a groom's attributes have values for."""
+    return set(TEXTURED) & groom.attributes.keys()
+
+
+def _with_attributes(groom: Groom, material: Any) -> Any:
+    if not isinstance(material, dict) or material.get("type") != "cuticle":
+        return material
+    from cuticle.mitsuba import strand_texture
+
+    names = varies(groom) - material.keys()
+    if material.keys() & set(ABSORPTION):
+        names -= set(ABSORPTION)
+    return {**material, **{name: strand_texture(groom, name) for name in sorted(names)}}

@@ -45,7 +45,8 @@ FORMS: dict[str, dict[str, Parameter]] = {
 }  # fmt: skip
 # Of a lobe that is left out, out of R's, as `Fibre` has it.
 OF_R = {"alpha_TT": -0.5, "alpha_TRT": -1.5, "beta_TT": 0.5, "beta_TRT": 2.0}
-_ABSORPTION = ("sigma_a", "eumelanin", "pheomelanin", "color")
+ABSORPTION = ("sigma_a", "eumelanin", "pheomelanin", "color")
+TEXTURED = (*dict.fromkeys(name for form in FORMS.values() for name in form), *ABSORPTION)  # what may vary in a renderer
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +110,7 @@ class Family(Value):
         self.form = validate.choice("family", form, FORMS)
 
     def __repr__(self) -> str:
-        return f"Family({self.form!r}: {', '.join(self.parameters)}, and {' or '.join(_ABSORPTION)})"
+        return f"Family({self.form!r}: {', '.join(self.parameters)}, and {' or '.join(ABSORPTION)})"
 
     @property
     def parameters(self) -> Mapping[str, Parameter]:
@@ -131,11 +132,11 @@ class Family(Value):
             A parameter is unknown, missing or out of its range; shapes do not broadcast.
         """
         given = {k: v for k, v in values.items() if v is not None}
-        unknown = sorted(given.keys() - self.parameters.keys() - set(_ABSORPTION))
+        unknown = sorted(given.keys() - self.parameters.keys() - set(ABSORPTION))
         if unknown:
             raise ValueError(
                 f"the family {self.form!r} has no parameter {unknown[0]!r}; it has {', '.join(self.parameters)},"
-                f" {', '.join(_ABSORPTION)}"
+                f" {', '.join(ABSORPTION)}"
             )
         found = {name: _checked(name, given[name], p) for name, p in self.parameters.items() if name in given}
         for name, p in self.parameters.items():
