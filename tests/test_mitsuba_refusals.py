@@ -25,7 +25,7 @@ from test_mitsuba import UseVariant
         ({}, "cuticle needs a fibre"),
         (
             {"fibre": "brown", "sigma_a": {"type": "uniform", "value": 0.3}, "lobes": 1},
-            "sigma_a as a texture needs a closed form: a Fibre's of the exact formulation or Chiang's, and sampling function",
+            "sigma_a as a texture needs a closed form: a Fibre's of the exact formulation or Chiang's",
         ),
         (
             {"fibre": "brown", "d_f": {"type": "uniform", "value": 0.3}},

@@ -289,7 +289,7 @@ template <typename Float, typename Spectrum> class AbsorbingHairBSDF : public Ha
     void adopt(const HairBSDF<Float, Spectrum> &other) override {
         Base::adopt(other);
         const auto &made = static_cast<const AbsorbingHairBSDF &>(other);
-        if (m_absorption == made.m_absorption) return;
+        if (m_absorption.empty() || m_absorption == made.m_absorption) return;
         copy_values<Float>(*m_sigma_a, *const_cast<Texture *>(made.m_sigma_a.get()));
         m_absorption = made.m_absorption;
     }
@@ -299,7 +299,7 @@ template <typename Float, typename Spectrum> class AbsorbingHairBSDF : public Ha
     }
 
     ref<Texture> m_sigma_a, m_scale;
-    std::string m_absorption;  // the fibre's own, in words
+    std::string m_absorption;  // the fibre's own, in words; none where a texture is the scene's
 
     MI_TRAVERSE_CB(Base, m_sigma_a, m_scale)
 };

@@ -199,12 +199,12 @@ def picture_command(
     if varied:
         hair = vary(hair, **variation)
     material = bsdf(fibre, sampling, strands=technique == "dual")
-    if own := varies(hair) & FORMS["chiang"].keys() - {"eta"}:  # the groom tells a fibre of its own
+    if chiang := varies(hair) & FORMS["chiang"].keys() - {"eta"}:  # the groom tells a fibre of its own
         if not was_given(ctx, "fibre"):
             del material["fibre"]
         elif not isinstance(read_parameters_or_model(fibre), Chiang):
             raise ValueError(
-                f"the groom's {min(own)} is for Chiang's fibres: leave --fibre out, or give a .toml with [chiang]"
+                f"the groom's {min(chiang)} is for Chiang's fibres: leave --fibre out, or give a .toml with [chiang]"
             )
     mi = mitsuba(variant)
     with progress_bar(json_output) as progress:

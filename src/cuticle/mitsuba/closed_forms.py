@@ -88,7 +88,7 @@ def _absorption(props: Any, fibre: Fibre | Chiang, textures: Mapping[str, Any]) 
     if color is not None:
         props["color"] = textures.get("color", spectrum(color))
     props["sigma_a"] = textures.get("sigma_a", spectrum(fibre.absorption))
-    props["absorption"] = "a texture" if textures.keys() & set(COLOURS) else str(fibre.absorption)
+    props["absorption"] = "" if textures.keys() & set(COLOURS) else str(fibre.absorption)
 
 
 def mean_fibre(fibre: Fibre | Chiang, scale: Any, tables: Any) -> Fibre | Chiang:
