@@ -1,4 +1,4 @@
-"""Render the pictures of README and docs: heads of hair, samplings at equal time, dual scattering beside paths.
+"""Render the pictures of README and docs: heads of hair, hair that varies, samplings at equal time, dual scattering beside paths.
 
 Without arguments all of them, else those that are named: `docs/pictures.py heads built_in`. The grooms are read from
 $CUTICLE_DATA/hair: TressFX's ponytail (Advanced Micro Devices, MIT), and Sintel's hair (the README names its authors).
@@ -23,6 +23,7 @@ from cuticle.cli.terminal import progress_bar
 from cuticle.grooms.bust import Bust
 from cuticle.grooms.groom import Groom, join_grooms, read_groom
 from cuticle.grooms.procedural import hair_ball, hair_head, head_bust, wavy_lock
+from cuticle.grooms.variation import vary
 from cuticle.render.compare import compare_samplings
 from cuticle.render.picture import over_backdrop, render, srgb
 from cuticle.render.scene import Light, View, bsdf, bust_shape, integrator, load_scene, mitsuba
@@ -112,6 +113,26 @@ def ess_of_brown() -> None:
         print(f"brown, {name}: ESS {', '.join(f'{v:.3f}' for v in values)} at theta_r 0, 30, 60")
 
 
+def varied(mi: Any, data: Path) -> None:
+    """One head of hair three times, in the same time each: one fibre, melanin that varies, and everything that varies."""
+    groom, bust = sintel(data)
+    view = View(azimuth=-40, elevation=4, width=440, height=520, fov=20, zoom=0.85)
+    others, images = {"bust": bust_shape(mi, bust, 0.06)}, []
+    for values in (
+        {"melanin_spread": 0, "redness_spread": 0, "roughness_spread": 0},
+        {"melanin_spread": 0.8, "redness_spread": 0.3, "roughness_spread": 0},
+        {"melanin_spread": 0.8, "redness_spread": 0.3, "roughness_spread": 0.4, "strays": 0.08, "root_darkening": 1.5,
+         "tip_lightening": 0.6, "tilt": 2.5},
+    ):  # fmt: skip
+        hair = vary(groom, melanin=0.7, redness=0.15, roughness=0.25, clumping=0.5, **values)
+        scene = load_scene(
+            mi, hair, {"type": "cuticle"}, view=view, light=Light("studio"), technique=integrator("dual"), others=others
+        )
+        with progress_bar() as progress:
+            images.append(over_backdrop(render(scene, 72, progress=progress).image * np.array([1.15] * 3 + [1])))
+    write_bytes(IMAGES / "varied.png", png(srgb(np.concatenate(images, axis=1))))
+
+
 def equal_time(data: Path) -> None:
     ess_of_brown()
     tail = ponytail(data).with_followers(8, 0.3, tip_spread=0.8).with_thickness(0.05, 0.02)
@@ -161,19 +182,14 @@ def beside_paths(mi: Any, data: Path) -> None:
 
 
 def textured(mi: Any) -> None:
-    """Absorption strand by strand: Mitsuba's v runs once through the file's segments, so a row a segment colours them."""
+    """Absorption strand by strand."""
+    from cuticle.mitsuba import strand_texture
+
     lock = wavy_lock(1500, width=0.2)
-    scale = np.exp(np.random.default_rng(3).normal(0, 0.9, lock.strands))
-    rows = np.append(np.repeat(scale, lock.counts - 1), 1)[:, None, None].astype(np.float32)  # the last is the guard's
-    texture = {
-        "type": "bitmap",
-        "bitmap": mi.Bitmap(rows),
-        "raw": True,
-        "filter_type": "nearest",
-    }
+    scale = lock.with_attributes(scale=np.exp(np.random.default_rng(3).normal(0, 0.9, lock.strands)))
     view = View(azimuth=20, elevation=4, width=300, height=500, zoom=1.5)
     images = []
-    for material in (bsdf("brown"), bsdf("brown", scale=texture)):
+    for material in (bsdf("brown"), bsdf("brown", scale=strand_texture(scale, "scale"))):
         scene = load_scene(mi, lock, material, view=view, light=Light("studio"), technique=integrator("dual"))
         with progress_bar() as progress:
             images.append(over_backdrop(render(scene, 64, progress=progress).image * np.array([1.5] * 3 + [1])))
@@ -198,6 +214,7 @@ def main() -> None:
     mi = mitsuba("scalar_rgb")
     pictures: dict[str, Callable[[], None]] = {
         "heads": lambda: heads(mi, data),
+        "varied": lambda: varied(mi, data),
         "equal_time": lambda: equal_time(data),
         "beside_paths": lambda: beside_paths(mi, data),
         "textured": lambda: textured(mi),
