@@ -1,4 +1,4 @@
-"""Render the pictures of README and docs: heads of hair, hair that varies, samplings at equal time, dual scattering beside paths.
+"""Render the pictures of README and docs: heads of hair, samplings at equal time, dual scattering beside paths.
 
 Without arguments all of them, else those that are named: `docs/pictures.py heads built_in`. The grooms are read from
 $CUTICLE_DATA/hair: TressFX's ponytail (Advanced Micro Devices, MIT), and Sintel's hair (the README names its authors).
