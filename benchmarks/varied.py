@@ -1,10 +1,10 @@
 """Hair that varies from strand to strand: noise and time of its samplings, each against its own mean over many samples.
 
-On a built-in head, strand by strand: melanin (a log-normal spread of .8), roughness (.4), tilt, strays, darker roots. At equal
-time, the product of variance and time: `function`, which draws from each strand's own far field; `near`, from its near field;
-`lobes`, one fit for the mean fibre, whose absorption alone can vary; and Mitsuba's `hair` with the same absorption, its
-roughness the mean one. Pictures differ (near and far field; roughness), so each has a mean of its own. The last table is of
-f alone: the ESS of one fit for the mean fibre, over the fibres of the head.
+On a built-in head, strand by strand: melanin (a log-normal spread of .8), roughness (.4), tilt, strays, darker roots. At
+equal time, the product of variance and time: `function`, which draws from each strand's own far field; `near`, from its near
+field; `lobes`, one fit for the mean fibre, whose absorption alone can vary; and Mitsuba's `hair` with the same absorption,
+its roughness the mean one. Pictures differ (near and far field; roughness), so each has a mean of its own. The last table is
+of f alone: the ESS of one fit for the mean fibre, over the fibres of the head.
 """
 
 from __future__ import annotations

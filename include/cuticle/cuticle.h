@@ -36,6 +36,7 @@
 #include "cuticle/scattering/marschner.h"
 #include "cuticle/scattering/multiple_scattering.h"
 #include "cuticle/scattering/optics.h"
+#include "cuticle/scattering/through_draw.h"
 
 #include "cuticle/groom/density_grid.h"
 

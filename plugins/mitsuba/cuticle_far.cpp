@@ -13,8 +13,8 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
   public:
     MI_IMPORT_BASE(FibreBSDF, m_flags)
     MI_IMPORT_TYPES(Texture)
-    using typename Base::Angles;
     using Base::channels;
+    using typename Base::Angles;
     using FloatBuffer = DynamicBuffer<Float>;
     using Memory = cuticle_mitsuba::Memory<Float>;
 
@@ -95,9 +95,11 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
     Prepared prepare(const SurfaceInteraction3f &si, const Angles &r, const Mask &active) const {
         const auto value = [&](size_t k) { return Base::parameter(k, si, active); };
         Prepared out;
-        if (m_form == cuticle::Azimuthal::logistic) out.fibre = cuticle::chiang_fibre(value(0), value(1), value(2), value(3));
+        if (m_form == cuticle::Azimuthal::logistic)
+            out.fibre = cuticle::chiang_fibre(value(0), value(1), value(2), value(3));
         else
-            out.fibre = cuticle::marschner_fibre(value(0), value(1), value(2), value(3), value(4), value(5), value(6), value(7));
+            out.fibre =
+                cuticle::marschner_fibre(value(0), value(1), value(2), value(3), value(4), value(5), value(6), value(7));
         const UnpolarizedSpectrum sigma_a = Base::absorption(si, active);
         Float absorption[channels];
         for (int c = 0; c < channels; ++c) absorption[c] = sigma_a[size_t(c)];
@@ -106,7 +108,8 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
     }
 
     // How a strand differs from the mean one, with energies of a channel or, summed with weights, of several.
-    template <class Energy> cuticle::OwnParts<Float> own_parts(const cuticle::FarFibre<Float> &fibre, const Energy &energy) const {
+    template <class Energy>
+    cuticle::OwnParts<Float> own_parts(const cuticle::FarFibre<Float> &fibre, const Energy &energy) const {
         cuticle::OwnParts<Float> own;
         for (int p = 0; p < cuticle::lobe_count; ++p) {
             own.energy[p] = energy(p);
@@ -119,8 +122,12 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
 
     cuticle::ThroughDraw<float, Memory> draw_table() const {
         const Tables &t = m_tables;
-        return {cuticle_mitsuba::memory<Float>(t.draw_lobes), cuticle_mitsuba::memory<Float>(t.draw_azimuth), t.rows,
-                t.azimuth_rows, t.columns, t.limit};
+        return {cuticle_mitsuba::memory<Float>(t.draw_lobes),
+                cuticle_mitsuba::memory<Float>(t.draw_azimuth),
+                t.rows,
+                t.azimuth_rows,
+                t.columns,
+                t.limit};
     }
     cuticle::ThroughMixture<Float> through_mixture(const Prepared &p, const Angles &r) const {
         if (!m_tables.strands) Throw("cuticle: no tables among strands; dual_scattering asks for them");
@@ -153,8 +160,9 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
         return out;
     }
 
-    UnpolarizedSpectrum among(const BSDFContext &ctx, const SurfaceInteraction3f &si, const Prepared &p, const Float &theta_i,
-                              const Angles &r, const Float &phi, const UnpolarizedSpectrum &alone, const Mask &active) const {
+    UnpolarizedSpectrum among(const BSDFContext &ctx, const SurfaceInteraction3f &si, const Prepared &p,
+                              const Float &theta_i, const Angles &r, const Float &phi, const UnpolarizedSpectrum &alone,
+                              const Mask &active) const {
         const Tables &t = m_tables;
         const auto met = cuticle_mitsuba::around(si);
         const bool random = cuticle_mitsuba::expected(ctx);
@@ -170,7 +178,8 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
         const auto place = cuticle::place_among(table, Float(r.theta), around);
         const Float cosine = cuticle::math::cos_theta(theta_i);
         return per_channel(si, active, [&](int c, const auto &channel) {
-            const auto share = cuticle::shares(cuticle::behind_at(table, place.row, channel), around, Float(t.d_f), Float(t.d_b));
+            const auto share =
+                cuticle::shares(cuticle::behind_at(table, place.row, channel), around, Float(t.d_f), Float(t.d_b));
             const auto own = own_parts(p.fibre, [&](int part) { return p.field.energy[c][part]; });
             Float lobes[cuticle::through_parts + 1];
             cuticle::through_lobes(table, place, theta_i, channel, lobes, &own);
@@ -184,9 +193,10 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
                                                             const Float &theta_i, const Angles &r, const Float &phi,
                                                             Mask active) const override {
         if (cuticle_mitsuba::transmittance(ctx))
-            return {per_channel(si, active,
-                                [&, this](int, const auto &channel) { return this->transmitted(ctx, si, theta_i, channel); }),
-                    Float(0)};
+            return {
+                per_channel(si, active,
+                            [&, this](int, const auto &channel) { return this->transmitted(ctx, si, theta_i, channel); }),
+                Float(0)};
         const Prepared p = prepare(si, r, active);
         Float f[channels];
         const Float own = cuticle::far_eval(m_form, p.field, theta_i, phi, f);
@@ -196,9 +206,10 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
         return {among(ctx, si, p, theta_i, r, phi, alone, active), m_share * own + (1 - m_share) * through};
     }
 
-    std::pair<cuticle::Sample<Float>, UnpolarizedSpectrum>
-    draw_with_value(const BSDFContext &ctx, const SurfaceInteraction3f &si, const Angles &r, const Float &sample1,
-                    const Point2f &sample2, bool with_value, Mask active) const override {
+    std::pair<cuticle::Sample<Float>, UnpolarizedSpectrum> draw_with_value(const BSDFContext &ctx,
+                                                                           const SurfaceInteraction3f &si, const Angles &r,
+                                                                           const Float &sample1, const Point2f &sample2,
+                                                                           bool with_value, Mask active) const override {
         const Prepared p = prepare(si, r, active);
         Float f[channels];
         const bool surrounded = cuticle_mitsuba::among_strands(ctx);
@@ -220,7 +231,8 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
         }
         if (dr::any_or<true>(!direct)) {
             auto other = cuticle::through_sample(draw_table(), mixture, left, Float(sample2.x()), Float(sample2.y()));
-            other.pdf = (1 - m_share) * other.pdf + m_share * cuticle::far_eval(m_form, p.field, other.theta_i, other.phi, f);
+            other.pdf =
+                (1 - m_share) * other.pdf + m_share * cuticle::far_eval(m_form, p.field, other.theta_i, other.phi, f);
             s.theta_i = dr::select(direct, s.theta_i, other.theta_i);
             s.phi = dr::select(direct, s.phi, other.phi);
             s.pdf = dr::select(direct, s.pdf, other.pdf);

@@ -8,8 +8,8 @@ template <typename Float, typename Spectrum> class CuticleNear final : public Fi
   public:
     MI_IMPORT_BASE(FibreBSDF)
     MI_IMPORT_TYPES()
-    using typename Base::Angles;
     using Base::channels;
+    using typename Base::Angles;
 
     CuticleNear(const Properties &props) : Base(props) { Base::set_flags(Base::varies(), 0u); }
 
@@ -54,9 +54,10 @@ template <typename Float, typename Spectrum> class CuticleNear final : public Fi
         const Prepared p = prepare(si, r, active);
         return {value(p, theta_i, phi), cuticle::chiang_pdf(p.fibre, p.state, theta_i, phi)};
     }
-    std::pair<cuticle::Sample<Float>, UnpolarizedSpectrum>
-    draw_with_value(const BSDFContext &, const SurfaceInteraction3f &si, const Angles &r, const Float &sample1,
-                    const Point2f &sample2, bool, Mask active) const override {
+    std::pair<cuticle::Sample<Float>, UnpolarizedSpectrum> draw_with_value(const BSDFContext &,
+                                                                           const SurfaceInteraction3f &si, const Angles &r,
+                                                                           const Float &sample1, const Point2f &sample2,
+                                                                           bool, Mask active) const override {
         const Prepared p = prepare(si, r, active);
         const auto s = cuticle::chiang_sample(p.fibre, p.state, sample1, Float(sample2.x()), Float(sample2.y()));
         return {s, value(p, s.theta_i, s.phi)};

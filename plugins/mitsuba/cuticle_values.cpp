@@ -34,9 +34,11 @@ template <typename Float, typename Spectrum> class CuticleValues final : public 
         if constexpr (is_rgb_v<Spectrum>) {
             return eval_3(si, active);
         } else {
-            (void) si;
-            (void) active;
-            Throw("cuticle_strands: values of three channels are RGB, and this variant is spectral: give pigments, or a scale");
+            (void)si;
+            (void)active;
+            Throw(
+                "cuticle_strands: values of three channels are RGB, and this variant is spectral: give pigments, or a "
+                "scale");
         }
     }
     Float eval_1(const SurfaceInteraction3f &si, Mask active) const override {

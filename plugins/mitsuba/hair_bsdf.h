@@ -171,15 +171,18 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
         return mixture.empty() ? dr::InvFourPi<Float> : mixture.pdf(theta_i, r.theta, phi);
     }
 
-    // Both together, and what is drawn with its value if it is asked for: overridden where one costs little beside the other.
+    // Both together, and what is drawn with its value if it is asked for: overridden where one costs little beside the
+    // other.
     virtual std::pair<UnpolarizedSpectrum, Float> value_and_density(const BSDFContext &ctx, const SurfaceInteraction3f &si,
                                                                     const Float &theta_i, const Angles &r, const Float &phi,
                                                                     Mask active) const {
         return {scattered(ctx, si, theta_i, r, phi, active), density(ctx, si, theta_i, r, phi, active)};
     }
-    virtual std::pair<cuticle::Sample<Float>, UnpolarizedSpectrum>
-    draw_with_value(const BSDFContext &ctx, const SurfaceInteraction3f &si, const Angles &r, const Float &sample1,
-                    const Point2f &sample2, bool with_value, Mask active) const {
+    virtual std::pair<cuticle::Sample<Float>, UnpolarizedSpectrum> draw_with_value(const BSDFContext &ctx,
+                                                                                   const SurfaceInteraction3f &si,
+                                                                                   const Angles &r, const Float &sample1,
+                                                                                   const Point2f &sample2, bool with_value,
+                                                                                   Mask active) const {
         const cuticle::Sample<Float> s = draw(ctx, si, r, sample1, sample2, active);
         if (!with_value) return {s, 0.f};
         return {s, scattered(ctx, si, s.theta_i, r, s.phi, active)};

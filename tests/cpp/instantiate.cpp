@@ -175,9 +175,18 @@ template <class F, class S, class M> struct Use {
         const ChannelBetween<F> between = locate(AbsorptionRange<S>{S(.1), S(1.2), 0, 9}, x);
         F lobes[through_parts + 1];
         through_lobes(table, place, x, between, lobes);
-        through_lobes(table, place, x, 1, lobes);
+        const OwnParts<F> own{{x, y, z}, {x, y, z}, {x, y, z}};
+        through_lobes(table, place, x, 1, lobes, &own);
         lobes[0] = behind_at(table, place.row, between).alone + behind_at(table, place.row, 1).alone;
         return add_through(x, table, place, lobes, z, between) + add_through(x, table, place, lobes, z, 1);
+    }
+#endif
+#ifdef USE_scattering_through_draw
+    F drawn() const {
+        const ThroughDraw<S, M> table{memory, memory, 5, 3, 9, S(1.5)};
+        const OwnParts<F> own{{x, y, z}, {x, y, z}, {x, y, z}};
+        const auto mixture = through_mixture(table, x, own);
+        return through_sample(table, mixture, x, y, z).pdf + through_pdf(table, mixture, x, y);
     }
 #endif
 #ifdef USE_scattering_dual_scattering

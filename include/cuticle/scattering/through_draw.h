@@ -71,7 +71,9 @@ CUTICLE_HD Float through_pdf(const ThroughDraw<Scalar, Memory> &table, const Thr
     Float sum = Float(0);
     for (int p = 0; p < through_parts; ++p) {
         const Index i = mix.azimuth_row.node * Index(row) + column.node * Index(2) + Index(p * table.nodes * 2);
-        const auto at = [&](int further) { return Float(ArrayTraits<Float>::gather(table.azimuth, Index(i + Index(further)))); };
+        const auto at = [&](int further) {
+            return Float(ArrayTraits<Float>::gather(table.azimuth, Index(i + Index(further))));
+        };
         const Float around = math::bilinear(at(0), at(2), at(row), at(row + 2), mix.azimuth_row.t, column.t);
         sum = sum + mix.share[p] * along[p] * around;
     }
@@ -117,8 +119,8 @@ CUTICLE_HD Sample<Float> through_sample(const ThroughDraw<Scalar, Memory> &table
     }
     const Float step = Float(pi<double>) / Float(table.nodes - 1), y = (wanted - passed) / step;
     const Float root = math::sqrt(math::max(Float(from * from + Float(2) * (to - from) * y), Float(0)));
-    const Float within = math::clamp(Float(Float(2) * y / math::max(Float(from + root), Float(smallest<Float>))), Float(0),
-                                     Float(1));
+    const Float within =
+        math::clamp(Float(Float(2) * y / math::max(Float(from + root), Float(smallest<Float>))), Float(0), Float(1));
     const Float turn = (node + within) * step, phi = select(side < Float(1), turn, Float(-turn));
     return {theta_i, phi, through_pdf(table, mix, theta_i, phi)};
 }
