@@ -61,4 +61,6 @@ def _groom(path: str, _: int) -> Groom:
 
 def attribute_values(texture: Any) -> NDArray[np.float32] | None:
     """Return what a texture of this kind holds, (segments, 2, channels); of any other None."""
-    return np.array(mi.traverse(texture)["values"]) if texture.class_name() == "CuticleValues" else None
+    if not isinstance(texture, mi.Texture) or texture.class_name() != "CuticleValues":
+        return None
+    return np.array(mi.traverse(texture)["values"])

@@ -37,13 +37,19 @@ def textures_of(props: Any, given: Mapping[str, Any]) -> dict[str, Any]:
 
 def mean_of(name: str, texture: Any) -> Any:
     """Return the mean of a texture over a strand's files or over uv, as a scene would give it: a number or a colour."""
+    if not isinstance(texture, mi.Texture):  # a spectrum, as the scene's file has it
+        mean = np.interp(_PRIMARIES[:3], texture.wavelengths, texture.values) if texture.wavelengths else texture.values[:1]
+        return _as_given(name, np.array(mean))
     values = attribute_values(texture)
     mean = _over_uv(texture) if values is None else values.mean(axis=(0, 1))
     if values is not None and len(mean) > 1 and name not in COLOURS:
         raise ValueError(f"{name} takes one value a strand or a point, this attribute has {len(mean)}")
-    mean = np.maximum(mean, 1e-4 if name == "color" else 0)
+    return _as_given(name, mean)
+
+
+def _as_given(name: str, mean: NDArray[np.float64]) -> Any:
     if name == "color":
-        mean = np.minimum(mean, 1)
+        mean = np.clip(mean, 1e-4, 1)
     if name in COLOURS:
         return mi.ScalarColor3d(*np.broadcast_to(mean, 3).tolist())
     return float(mean.mean())
