@@ -145,3 +145,64 @@ def test_long_lines_are_wrapped_between_words() -> None:
     parts = wrap(line).splitlines()
     assert max(map(len, parts)) <= 125
     assert " ".join(" ".join(p.split()) for p in parts) == line.strip()
+
+
+CELLS = """
+constexpr int first(int p) { return p == 0 ? 0 : p == 1 ? 3 : 5; }
+template <class Float, int Channels> struct Cells { Float height[Channels][5]; };
+template <int Channels, class Float> Cells<Float, Channels> cells(const Float &x, const Float colour[Channels]) {
+    constexpr int step = abreast<Float>;
+    Cells<Float, Channels> of;
+    for (int c = 0; c < Channels; ++c)
+        for (int j = 0; j < 5; j += step) store_abreast(Abreast<Float>(x * colour[c]), of.height[c], j);
+    return of;
+}
+template <int p, class Float, int Channels> Float lobe(const Cells<Float, Channels> &of, int c) {
+    Abreast<Float> all(Float(0));
+    for (int j = first(p); j < first(p + 1); ++j) all = all + load_abreast(of.height[c], j);
+    return sum_abreast<Float>(all);
+}
+template <class Float, int Channels> Float g(const Cells<Float, Channels> &of, Float f[Channels]) {
+    Several<Float, 2> along(Float(0));
+    for (int p = 0; p < 2; ++p) along.set(p, Float(p + 1));
+    for (int c = 0; c < Channels; ++c) f[c] = Float(0);
+    auto past = f[0] < Float(0);
+    for (int p = 0; p < 2; ++p) {
+        past = past & (along[p] > Float(0));
+        for (int c = 0; c < Channels; ++c) f[c] = f[c] + (p == 0 ? lobe<0>(of, c) : lobe<1>(of, c)) * along[p];
+    }
+    return select(past, f[0], f[1]);
+}
+"""
+
+
+HOST = "float f(float x) { const float colour[2] = {x, 2.0f}; float f[2]; return g(cells<2>(x, colour), f); }"
+
+
+def test_cells_side_by_side_become_loops_over_arrays() -> None:
+    """Arrays of arrays are one; a loop that decides is unrolled; a template's number comes from a struct or is in a name."""
+    printed = " ".join(glsl(CELLS, HOST).split())
+    assert "struct N_Cells2 { float height[10]; };" in printed
+    assert "N_Cells2 n_cells(float x, float colour[2]) {" in printed
+    assert "of.height[c * 5 + j] = x * colour[c];" in printed
+    for p, (start, end) in enumerate(((0, 3), (3, 5))):
+        loop = f"for (int j = {start}; j < {end}; ++j) {{ all_ = all_ + of.height[c * 5 + j]; }}"
+        assert f"float n_lobe_{p}(N_Cells2 of, int c) {{ float all_ = 0.0; {loop} return all_; }}" in printed
+        assert f"f[c] = f[c] + n_lobe_{p}(of, c) * along[{p}];" in printed
+    assert "float n_g(N_Cells2 of, out float f[2]) {" in printed
+    assert "for (int p = 0; p < 2; ++p) { along[p] = float(p + 1); }" in printed
+    assert "past = past && along[1] > 0.0;" in printed
+
+
+@pytest.mark.parametrize(
+    ("wrong", "why"),
+    [
+        (("j += step", "j += 2"), "the loop over j is not by one"),
+        (("load_abreast(of.height[c], j)", "of.height[c]"), "types that do not go together"),
+        (("along.set(p, Float(p + 1));", "along.fill(Float(1));"), "a call whose value is not used"),
+        (("j < first(p + 1)", "j < c"), "no constant bounds"),
+    ],
+)
+def test_what_cells_may_not_do(wrong: tuple[str, str], why: str) -> None:
+    with pytest.raises(SubsetError, match=why):
+        glsl(CELLS.replace(*wrong), HOST)

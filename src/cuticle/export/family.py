@@ -69,28 +69,27 @@ def _pbrt(header: str, name: str) -> Export:
 
 
 def _shader(form: str, dialect: Dialect, frame: Frame, name: str) -> Export:
-    r, tt, each = _core.far_cells
-    trt, chiang = tt // each, form == "chiang"
+    chiang = form == "chiang"
+    edges, middles = _cells()
     printer: Printer = dialect.printer(name)
     jinja = environment()
     formulas = jinja.get_template("family.formulas.j2").render(
-        chiang=chiang, closed=str(not chiang).lower(), r=r, tt=tt, trt=trt, each=each, cells=r + tt + trt,
-        edges=r + tt + trt + 3, parts=((0, 0, r), (1, r, tt), (2, r + tt, trt)), digits=2048.0, luminance=REC709,
-        width=2 * math.sin(math.pi / 4 / tt), frame=frame, back=["xyz"[frame.axes.index(a)] for a in "xyz"],
+        chiang=chiang, edges=len(edges) // 2, middles=len(middles) // 2, luminance=REC709, frame=frame,
+        back=["xyz"[frame.axes.index(a)] for a in "xyz"],
     )  # fmt: skip
-    cells = _cells(r, tt)
     text = jinja.get_template("family_shader.j2").render(
-        heading=[*_about(form), "", dialect.about], n=name, N=name.upper(), dialect=dialect, p=printer, cells=cells,
-        chiang=chiang, frame=frame, float3=printer.type(Vector("float", 3)), float4=printer.type(Vector("float", 4)),
-        functions=print_formulas(formulas, printer, externals={"cell": Vector("float", 4)}),
+        heading=[*_about(form), "", dialect.about], n=name, N=name.upper(), dialect=dialect, p=printer, edges=edges,
+        middles=middles, chiang=chiang, frame=frame, float3=printer.type(Vector("float", 3)),
+        float4=printer.type(Vector("float", 4)),
+        functions=print_formulas(formulas, printer, externals={"edge": Vector("float", 2), "middle": Vector("float", 3)}),
     )  # fmt: skip
-    return Export(text, cells.nbytes)
+    return Export(text, edges.nbytes + middles.nbytes)
 
 
-def _cells(r: int, tt: int) -> NDArray[np.float32]:
-    """Cells of R: gamma at edges, cosine at middles, width; of TT: gamma, sine at edges, sine, cosine at middles."""
-    dense, even = np.empty((r + 1, 5)), np.empty((tt + 1, 5))
-    _core.cell_geometry(True, dense)
-    _core.cell_geometry(False, even)
-    rows = [dense[:, [0, 3, 4, 4]] * [1, 1, 1, 0], even[:, [0, 1, 2, 3]]]
-    return np.concatenate(rows).astype(np.float32)
+def _cells() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Rows of cells, R's first: gamma and its sine at their edges; sine, cosine and width in h at their middles."""
+    of = np.empty((2, _core.far_cells + 1, 5))
+    _core.cell_geometry(True, of[0])
+    _core.cell_geometry(False, of[1])
+    edges, middles = of[:, :, :2].reshape(-1, 2), of[:, :-1, 2:].reshape(-1, 3)
+    return edges.astype(np.float32), middles.astype(np.float32)

@@ -7,7 +7,9 @@ printed right or not at all.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 
 class SubsetError(ValueError):
@@ -105,12 +107,15 @@ Expr = Number | Name | Call | Member | Index | Operator
 
 @dataclass(frozen=True)
 class Variable:
-    """A declaration. `length`: an array's, 0 for its list's, None for no array; `changes`: a reference to write to."""
+    """A declaration. `length`: an array's, 0 for its list's, None for no array; `width`: of each array in an array;
+    `changes`: a reference or an array to write to.
+    """
 
     type: Name
     name: str
     value: Expr | None = None
     length: Expr | int | None = None
+    width: Expr | int | None = None
     constant: bool = False
     changes: bool = False
 
@@ -136,11 +141,12 @@ class If:
 
 @dataclass(frozen=True)
 class For:
-    """for (int name = start; name < end; ++name)."""
+    """for (int name = start; name < end; name += step)."""
 
     name: str
     start: Expr
     end: Expr
+    step: Expr
     body: tuple[Statement, ...]
 
 
@@ -173,7 +179,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Function:
-    """A function, or a template of one."""
+    """A function, or a template of one; `constant` is constexpr."""
 
     scope: str
     name: str
@@ -182,6 +188,7 @@ class Function:
     result: Name
     parameters: tuple[Variable, ...]
     body: tuple[Statement, ...]
+    constant: bool = False
 
 
 @dataclass(frozen=True)
@@ -227,3 +234,10 @@ class Alias:
 
 
 Declaration = Function | Struct | Constant | Enumeration | Alias
+
+
+def within(part: Any) -> Iterator[Any]:
+    """Go through all that a part of the tree is made of, itself first."""
+    yield part
+    for x in part if isinstance(part, tuple) else [getattr(part, f) for f in getattr(part, "__dataclass_fields__", ())]:
+        yield from within(x)
