@@ -121,6 +121,7 @@ def test_a_surfaces_cosine_is_taken_out() -> None:
     ("call", "message"),
     [
         (lambda: cuticle.from_mitsuba("hair", h=2.0), "h must be in"),
+        (lambda: cuticle.from_mitsuba("hair", h=0.0).sample(0.1, [0.1, 1.0, 0.2]), "got 1 at u"),
         (lambda: cuticle.from_mitsuba("nothing", h=0.0), "Mitsuba refuses"),
         (lambda: cuticle.from_mitsuba("dielectric", h=0.0), "single directions only"),
         (lambda: cuticle.from_mitsuba("sphere", h=0.0), "is not a BSDF of Mitsuba"),
