@@ -206,3 +206,10 @@ def test_cells_side_by_side_become_loops_over_arrays() -> None:
 def test_what_cells_may_not_do(wrong: tuple[str, str], why: str) -> None:
     with pytest.raises(SubsetError, match=why):
         glsl(CELLS.replace(*wrong), HOST)
+
+
+def test_an_instance_is_named_in_the_order_of_its_template() -> None:
+    names = ["fine", "lower", "even", "closed", "random"]
+    text = f"template <{', '.join(f'bool {n}' for n in names)}, class Float> Float h(const Float &x) {{ return x * x; }}"
+    text += "template <class Float> Float g(const Float &x) { return h<true, true, true, true, true>(x); }"
+    assert f"n_h_{'_'.join(names)}(" in glsl(text)

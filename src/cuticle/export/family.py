@@ -18,6 +18,17 @@ from cuticle.export.source import environment
 from cuticle.scattering.any_fibre import FORMS
 from cuticle.scattering.bcsdf import REC709
 
+# In shaders: D, the fibre's parameters, and the fibre made of them.
+_OF_SHADER = {
+    "chiang": (
+        "Azimuthal::logistic", "float beta_m, float beta_n, float alpha, float eta",
+        "chiang_fibre(beta_m, beta_n, alpha, eta)",
+    ),
+    "marschner": (
+        "Azimuthal::normal", "float3 alpha, float3 beta, float beta_n, float eta",
+        "marschner_fibre(alpha.x, alpha.y, alpha.z, beta.x, beta.y, beta.z, beta_n, eta)",
+    ),
+}  # fmt: skip
 _ABOUT = {
     "chiang": "Chiang et al. 2016, far field: beta_m and beta_n from 0.05 to 1, alpha in radians, positive toward the root.",
     "marschner": "Marschner 2003 with d'Eon's energy-conserving M: alpha, beta of R, TT, TRT in theta_h, beta_n; radians.",
@@ -57,9 +68,10 @@ def family_shader(job: FamilyJob, dialect: Dialect) -> Export:
     edges, middles = _cells()
     printer: Printer = dialect.printer(job.name)
     jinja = environment()
+    azimuthal, parameters, fibre = _OF_SHADER[job.form]
     values = dict(
-        chiang=job.form == "chiang", edges=edges, middles=middles, luminance=REC709, frame=job.frame,
-        back=["xyz"[job.frame.axes.index(a)] for a in "xyz"],
+        azimuthal=azimuthal, parameters=parameters, fibre=fibre, edges=edges, middles=middles, luminance=REC709,
+        frame=job.frame, back=["xyz"[job.frame.axes.index(a)] for a in "xyz"],
     )  # fmt: skip
     formulas = jinja.get_template("family.formulas.j2").render(values)
     text = jinja.get_template("family_shader.j2").render(

@@ -338,12 +338,12 @@ class Instances(Expressions):
                     return None
             elif p.type.arguments and isinstance(x.type, Record):
                 self.learn(p.type, x.type, free, inside)
-        named = {t.name for t in declared.template if t.name}
-        if not named <= inside.types.keys() | inside.values.keys():
+        named = [t.name for t in declared.template if t.name]
+        if not {*named} <= inside.types.keys() | inside.values.keys():
             return None
         if any(self.type_or_none(p.type, inside) is None or self.array_type(p, inside) != x.type for p, x in pairs):
             return None
-        known = {name: inside.values[name] for name in named & inside.values.keys()}
+        known = {name: inside.values[name] for name in named if name in inside.values}
         worked_out = declared.constant and all(isinstance(x, Literal) for x in operands)
         for p, x in pairs:
             if isinstance(x, Literal) and (isinstance(x.type, Choice) or x.type == BOOL or worked_out):
