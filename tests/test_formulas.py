@@ -82,7 +82,7 @@ def test_structs_families_and_what_is_not_used() -> None:
     template <class Family, class Float> Float g(const Float &x) {
         const Pair<Float> unused = twice(x);
         const DensityOf<Family, Float> d = Family::template make<false>(x);
-        for (int i = 0; i < 3; ++i) { if (!(x > Float(i))) return d.mean; }
+        for (int i = 0; i < 7; ++i) { if (!(x > Float(i))) return d.mean; }
         return twice(d.mean).b;
     }
     """
@@ -148,13 +148,13 @@ def test_long_lines_are_wrapped_between_words() -> None:
 
 
 CELLS = """
-constexpr int first(int p) { return p == 0 ? 0 : p == 1 ? 3 : 5; }
-template <class Float, int Channels> struct Cells { Float height[Channels][5]; };
+constexpr int first(int p) { return p == 0 ? 0 : p == 1 ? 5 : 7; }
+template <class Float, int Channels> struct Cells { Float height[Channels][7]; };
 template <int Channels, class Float> Cells<Float, Channels> cells(const Float &x, const Float colour[Channels]) {
     constexpr int step = abreast<Float>;
     Cells<Float, Channels> of;
     for (int c = 0; c < Channels; ++c)
-        for (int j = 0; j < 5; j += step) store_abreast(Abreast<Float>(x * colour[c]), of.height[c], j);
+        for (int j = 0; j < 7; j += step) store_abreast(Abreast<Float>(x * colour[c]), of.height[c], j);
     return of;
 }
 template <int p, class Float, int Channels> Float lobe(const Cells<Float, Channels> &of, int c) {
@@ -180,18 +180,21 @@ HOST = "float f(float x) { const float colour[2] = {x, 2.0f}; float f[2]; return
 
 
 def test_cells_side_by_side_become_loops_over_arrays() -> None:
-    """Arrays of arrays are one; a loop that decides is unrolled; a template's number comes from a struct or is in a name."""
+    """Arrays of arrays are one; a short loop is printed step by step; a template's number is a struct's, or in the name."""
     printed = " ".join(glsl(CELLS, HOST).split())
-    assert "struct N_Cells2 { float height[10]; };" in printed
+    assert "struct N_Cells2 { float height[14]; };" in printed
     assert "N_Cells2 n_cells(float x, float colour[2]) {" in printed
-    assert "of.height[c * 5 + j] = x * colour[c];" in printed
-    for p, (start, end) in enumerate(((0, 3), (3, 5))):
-        loop = f"for (int j = {start}; j < {end}; ++j) {{ all_ = all_ + of.height[c * 5 + j]; }}"
-        assert f"float n_lobe_{p}(N_Cells2 of, int c) {{ float all_ = 0.0; {loop} return all_; }}" in printed
-        assert f"f[c] = f[c] + n_lobe_{p}(of, c) * along[{p}];" in printed
+    for c in range(2):
+        assert f"for (int j = 0; j < 7; ++j) {{ of.height[{f'{7 * c} + j' if c else 'j'}] = x * colour[{c}]; }}" in printed
+    one = "for (int j = 0; j < 5; ++j) { all_ = all_ + of.height[c * 7 + j]; }"
+    assert f"float n_lobe_0(N_Cells2 of, int c) {{ float all_ = 0.0; {one} return all_; }}" in printed
+    two = "all_ = all_ + of.height[c * 7 + 5]; all_ = all_ + of.height[c * 7 + 6];"
+    assert f"float n_lobe_1(N_Cells2 of, int c) {{ float all_ = 0.0; {two} return all_; }}" in printed
     assert "float n_g(N_Cells2 of, out float f[2]) {" in printed
-    assert "for (int p = 0; p < 2; ++p) { along[p] = float(p + 1); }" in printed
-    assert "past = past && along[1] > 0.0;" in printed
+    assert "along[0] = 1.0; along[1] = 2.0;" in printed
+    for p in range(2):
+        each = " ".join(f"f[{c}] = f[{c}] + n_lobe_{p}(of, {c}) * along[{p}];" for c in range(2))
+        assert f"past = past && along[{p}] > 0.0; {each}" in printed
 
 
 @pytest.mark.parametrize(

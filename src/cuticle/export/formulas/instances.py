@@ -45,6 +45,9 @@ NUMBERS = {"float": FLOAT, "double": DOUBLE, "int": INT, "bool": BOOL} | {
 }
 
 
+SHORT = 4  # steps of a loop, such as channels and lobes, that are printed one after the other
+
+
 class Instances(Expressions):
     """Makes instances of what is asked for and of all that this needs, each once, what is needed first.
 
@@ -249,21 +252,22 @@ class Instances(Expressions):
         return tuple(out)
 
     def loop(self, s: cpp.For, scope: Scope) -> list[Line]:
-        """A loop; its steps one after the other where what they do depends on their number."""
+        """A loop; a short one's steps one after the other, each with its number known."""
         start, end = self.node(s.start, scope), self.node(s.end, scope)
         if not (isinstance(start, Literal) and isinstance(end, Literal)):
             scope.refuse(f"the loop over {s.name} has no constant bounds")
         if self.constant(s.step, scope).value != 1:
             scope.refuse(f"the loop over {s.name} is not by one")
-        numbers: list[Node] = [Local(INT, s.name)] if start.value < end.value else []
-        if _decides(s.name, s.body):
-            numbers = [Literal(INT, n) for n in range(start.value, end.value)]
+        short = end.value - start.value <= SHORT
         out: list[Line] = []
-        for number in numbers:
+        for number in range(start.value, end.value if short else start.value + 1):
             inside = scope.inner()
-            inside.values[s.name] = number
+            inside.values[s.name] = Literal(INT, number) if short else Local(INT, s.name)
             body = self.lines(s.body, inside)
-            out.append(Block(body) if isinstance(number, Literal) else Count(s.name, start, end, body))
+            if not short:
+                out.append(Count(s.name, start, end, body))
+            else:
+                out += [Block(body)] if any(isinstance(x, Let) for x in body) else body
         return out
 
     def variable(self, v: cpp.Variable, scope: Scope) -> list[Line]:
@@ -373,16 +377,6 @@ def _unsaid(declared: cpp.Function) -> list[str]:
     """A template's numbers that the types of its arguments do not tell, and the name of an instance must."""
     said = {a for p in declared.parameters for a in (p.length, *(p.type.arguments or ()))}
     return [t.name for t in declared.template if t.kind == "int" and cpp.Name(t.name) not in said]
-
-
-def _decides(name: str, body: tuple[cpp.Statement, ...]) -> bool:
-    """Whether the bounds of a loop within, or a ==, ask for a variable."""
-    asked = [
-        (x.start, x.end) if isinstance(x, cpp.For) else x
-        for x in cpp.within(body)
-        if isinstance(x, cpp.For) or (isinstance(x, cpp.Operator) and x.symbol == "==")
-    ]
-    return cpp.Name(name) in cpp.within(tuple(asked))
 
 
 def _returns(lines: tuple[Line, ...]) -> bool:

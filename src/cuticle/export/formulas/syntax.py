@@ -7,9 +7,7 @@ printed right or not at all.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 
 class SubsetError(ValueError):
@@ -234,10 +232,3 @@ class Alias:
 
 
 Declaration = Function | Struct | Constant | Enumeration | Alias
-
-
-def within(part: Any) -> Iterator[Any]:
-    """Go through all that a part of the tree is made of, itself first."""
-    yield part
-    for x in part if isinstance(part, tuple) else [getattr(part, f) for f in getattr(part, "__dataclass_fields__", ())]:
-        yield from within(x)
