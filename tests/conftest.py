@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import pickle
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -65,8 +66,18 @@ def document_model() -> cuticle.DualScattering:
 
 
 @pytest.fixture(scope="session")
-def document_fit(document_model: cuticle.DualScattering) -> cuticle.Fit:
-    return cuticle.fit(document_model, 4, strands=COUNTS)
+def document_fit(document_model: cuticle.DualScattering, tmp_path_factory: pytest.TempPathFactory) -> cuticle.Fit:
+    """Made once in a run: the process that has made it leaves it to the others."""
+    shared = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        shared = shared.parent
+    if (shared / "document").exists():
+        return pickle.loads((shared / "document").read_bytes())  # type: ignore[no-any-return]
+    made = cuticle.fit(document_model, 4, strands=COUNTS)
+    own = shared / f"document-{os.getpid()}"
+    own.write_bytes(pickle.dumps(made))
+    own.replace(shared / "document")  # whole, or not there
+    return made
 
 
 @pytest.fixture(scope="session")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import cuticle
-from cuticle import Sampler, check
+from cuticle import Sampler, _core, check
 from cuticle.checking.check import widened
 
 
@@ -119,3 +119,16 @@ def test_bad_input(document_model: cuticle.DualScattering, document_fit: cuticle
 def test_a_model_without_strands(document_fit: cuticle.Fit) -> None:
     with pytest.raises(TypeError, match="Marschner knows no strands"):
         check(document_fit.sampler, cuticle.Marschner(cuticle.Fibre.preset("black")), samples=10_000)
+
+
+@pytest.mark.parametrize("cells", [1, 2, 3, 40, 361])
+def test_directions_are_counted_in_their_cells(cells: int) -> None:
+    """Against NumPy's own histogram: on the edges, of which the last is within, and with what lies outside or nowhere."""
+    rng = np.random.default_rng(cells)
+    edges = [np.sort(rng.uniform(-1, 1, cells + 1)) for _ in range(2)]
+    at = [np.concatenate([rng.uniform(-1.1, 1.1, 20_000), e]) for e in edges]
+    counts = np.zeros((cells, cells), np.int64)
+    outside = _core.histogram(*at, *edges, counts)
+    np.testing.assert_array_equal(counts, np.histogram2d(*at, bins=edges)[0])
+    assert outside == at[0].size - counts.sum() > 0
+    assert _core.histogram(np.array([np.nan, np.inf]), np.array([edges[1][0], np.nan]), *edges, counts) == 2

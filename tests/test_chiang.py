@@ -254,6 +254,13 @@ def test_the_maps_have_inverses() -> None:
         conventions.sigma_a_of_color([0, 0.5, 2], 0.3)
 
 
+def test_a_color_has_a_roughness_of_its_own() -> None:
+    """Roughness broadcasts with colours; against pbrt's formula (SigmaAFromReflectance), written again."""
+    b, color = np.linspace(0.05, 1, 20)[:, None], np.array([0.9, 0.5, 0.02])
+    divisor = 5.969 - 0.215 * b + 2.532 * b**2 - 10.73 * b**3 + 5.574 * b**4 + 0.245 * b**5
+    np.testing.assert_allclose(conventions.sigma_a_of_color(color, b), (np.log(color) / divisor) ** 2, rtol=1e-13)
+
+
 @pytest.mark.parametrize("host", conventions.HOSTS)
 def test_a_hair_goes_to_a_host_and_back(host: str) -> None:
     model = Chiang(beta_m=0.22, beta_n=0.41, alpha=2.5, eta=1.5, sigma_a=(0.2, 0.4, 0.9))

@@ -12,7 +12,7 @@ import pytest
 
 from conformance import hosts as conformance
 from conformance import replay
-from cuticle.export import hosts, registry
+from cuticle.export import export_family, hosts, registry
 from cuticle.export.frames import FRAMES
 from cuticle.export.registry import Job
 
@@ -36,3 +36,23 @@ def test_the_worked_example_is_a_host(document_fit: Any, monkeypatch: pytest.Mon
     exec(row, names)
     x = replay.inputs()
     assert replay.compare("csv", sampler, x, names["HOSTS"]["csv"].answers(made, x, tmp_path, None)).ok
+
+
+FAMILY = """
+from cuticle.export.registry import Export, Host
+HOST = Host("families alone", None, lambda job: Export(f"{job.form} {job.name} {job.frame.viewer}", 0), ("chiang",))
+"""
+
+
+def test_a_host_that_takes_a_family_is_one_file(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(FAMILY)
+    monkeypatch.setattr(hosts, "__path__", [*hosts.__path__, str(tmp_path)])
+    importlib.invalidate_caches()
+    try:
+        assert export_family("chiang", "mine", frame="pbrt", name="grey").text == "chiang grey wo"
+        with pytest.raises(ValueError, match="^mine takes the family chiang, got 'marschner'"):
+            export_family("marschner", "mine")
+        with pytest.raises(ValueError, match="^to must be one of cpp, cuda, glsl, hlsl, mine, pbrt; got 'web'"):
+            export_family("chiang", "web")
+    finally:
+        sys.modules.pop("cuticle.export.hosts.mine", None)

@@ -150,5 +150,7 @@ def test_a_fibre_of_another_family_is_refused() -> None:
         CHIANG.pdf(0.1, 0.2, 0.3, Fibre.preset("brown"))
     with pytest.raises(ValueError, match="family must be one of chiang, marschner; got 'kajiya'"):
         cuticle.family("kajiya")
+    with pytest.raises(ValueError, match=r"u must have shape \(\.\.\., 3\): lobe, theta, phi; got \(2,\)"):
+        CHIANG.sample(0.1, [0.1, 0.2], sigma_a=0.1)
     with pytest.raises(ValueError, match=r"sampler_at takes one fibre, got an array of shape \(2,\)"):
         CHIANG.sampler_at(beta_m=[0.1, 0.2], sigma_a=0.1)

@@ -82,7 +82,7 @@ def test_structs_families_and_what_is_not_used() -> None:
     template <class Family, class Float> Float g(const Float &x) {
         const Pair<Float> unused = twice(x);
         const DensityOf<Family, Float> d = Family::template make<false>(x);
-        for (int i = 0; i < 3; ++i) { if (!(x > Float(i))) return d.mean; }
+        for (int i = 0; i < 7; ++i) { if (!(x > Float(i))) return d.mean; }
         return twice(d.mean).b;
     }
     """
@@ -145,3 +145,74 @@ def test_long_lines_are_wrapped_between_words() -> None:
     parts = wrap(line).splitlines()
     assert max(map(len, parts)) <= 125
     assert " ".join(" ".join(p.split()) for p in parts) == line.strip()
+
+
+CELLS = """
+constexpr int first(int p) { return p == 0 ? 0 : p == 1 ? 5 : 7; }
+template <class Float, int Channels> struct Cells { Float height[Channels][7]; };
+template <int Channels, class Float> Cells<Float, Channels> cells(const Float &x, const Float colour[Channels]) {
+    constexpr int step = abreast<Float>;
+    Cells<Float, Channels> of;
+    for (int c = 0; c < Channels; ++c)
+        for (int j = 0; j < 7; j += step) store_abreast(Abreast<Float>(x * colour[c]), of.height[c], j);
+    return of;
+}
+template <int p, class Float, int Channels> Float lobe(const Cells<Float, Channels> &of, int c) {
+    Abreast<Float> all(Float(0));
+    for (int j = first(p); j < first(p + 1); ++j) all = all + load_abreast(of.height[c], j);
+    return sum_abreast<Float>(all);
+}
+template <class Float, int Channels> Float g(const Cells<Float, Channels> &of, Float f[Channels]) {
+    Several<Float, 2> along(Float(0));
+    for (int p = 0; p < 2; ++p) along.set(p, Float(p + 1));
+    for (int c = 0; c < Channels; ++c) f[c] = Float(0);
+    auto past = f[0] < Float(0);
+    for (int p = 0; p < 2; ++p) {
+        past = past & (along[p] > Float(0));
+        for (int c = 0; c < Channels; ++c) f[c] = f[c] + (p == 0 ? lobe<0>(of, c) : lobe<1>(of, c)) * along[p];
+    }
+    return select(past, f[0], f[1]);
+}
+"""
+
+
+HOST = "float f(float x) { const float colour[2] = {x, 2.0f}; float f[2]; return g(cells<2>(x, colour), f); }"
+
+
+def test_cells_side_by_side_become_loops_over_arrays() -> None:
+    """Arrays of arrays are one; a short loop is printed step by step; a template's number is a struct's, or in the name."""
+    printed = " ".join(glsl(CELLS, HOST).split())
+    assert "struct N_Cells2 { float height[14]; };" in printed
+    assert "N_Cells2 n_cells(float x, float colour[2]) {" in printed
+    for c in range(2):
+        assert f"for (int j = 0; j < 7; ++j) {{ of.height[{f'{7 * c} + j' if c else 'j'}] = x * colour[{c}]; }}" in printed
+    one = "for (int j = 0; j < 5; ++j) { all_ = all_ + of.height[c * 7 + j]; }"
+    assert f"float n_lobe_0(N_Cells2 of, int c) {{ float all_ = 0.0; {one} return all_; }}" in printed
+    two = "all_ = all_ + of.height[c * 7 + 5]; all_ = all_ + of.height[c * 7 + 6];"
+    assert f"float n_lobe_1(N_Cells2 of, int c) {{ float all_ = 0.0; {two} return all_; }}" in printed
+    assert "float n_g(N_Cells2 of, out float f[2]) {" in printed
+    assert "along[0] = 1.0; along[1] = 2.0;" in printed
+    for p in range(2):
+        each = " ".join(f"f[{c}] = f[{c}] + n_lobe_{p}(of, {c}) * along[{p}];" for c in range(2))
+        assert f"past = past && along[{p}] > 0.0; {each}" in printed
+
+
+@pytest.mark.parametrize(
+    ("wrong", "why"),
+    [
+        (("j += step", "j += 2"), "the loop over j is not by one"),
+        (("load_abreast(of.height[c], j)", "of.height[c]"), "types that do not go together"),
+        (("along.set(p, Float(p + 1));", "along.fill(Float(1));"), "a call whose value is not used"),
+        (("j < first(p + 1)", "j < c"), "no constant bounds"),
+    ],
+)
+def test_what_cells_may_not_do(wrong: tuple[str, str], why: str) -> None:
+    with pytest.raises(SubsetError, match=why):
+        glsl(CELLS.replace(*wrong), HOST)
+
+
+def test_an_instance_is_named_in_the_order_of_its_template() -> None:
+    names = ["fine", "lower", "even", "closed", "random"]
+    text = f"template <{', '.join(f'bool {n}' for n in names)}, class Float> Float h(const Float &x) {{ return x * x; }}"
+    text += "template <class Float> Float g(const Float &x) { return h<true, true, true, true, true>(x); }"
+    assert f"n_h_{'_'.join(names)}(" in glsl(text)

@@ -83,10 +83,10 @@ def test_pdf_is_the_density_of_its_cells() -> None:
     cells = sampler.cell_probabilities(theta, phi, 0.4, 0.5)
     for i in range(6):
         for j in range(8):
-            x = np.linspace(theta[i], theta[i + 1], 1001)
-            y = np.linspace(phi[j], phi[j + 1], 1001)
+            x = np.linspace(theta[i], theta[i + 1], 201)
+            y = np.linspace(phi[j], phi[j + 1], 201)
             p = sampler.pdf(x[:, None], 0.4, y, 0.5) * np.cos(x)[:, None]
-            assert np.trapezoid(np.trapezoid(p, y), x) == pytest.approx(cells[i, j], abs=2e-3)
+            assert np.trapezoid(np.trapezoid(p, y), x) == pytest.approx(cells[i, j], abs=1e-5)  # the rule: 1e-6
 
 
 def test_continuous_in_theta_r_and_strands(document_fit: cuticle.Fit) -> None:

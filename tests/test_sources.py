@@ -49,9 +49,13 @@ def test_a_function_of_numbers_is_tabulated_with_progress() -> None:
 
 def test_an_estimator_is_averaged_and_says_how_well_it_is_known() -> None:
     rng = np.random.default_rng(6)
+    means: dict[tuple[bytes, ...], np.ndarray] = {}
 
-    def estimator(ti: np.ndarray, tr: np.ndarray, phi: np.ndarray) -> np.ndarray:
-        return BROWN.eval(ti, tr, phi) * rng.exponential(1, (*ti.shape, 1))
+    def estimator(*at: np.ndarray) -> np.ndarray:
+        asked = tuple(x.tobytes() for x in at)
+        if asked not in means:
+            means[asked] = BROWN.eval(*at)
+        return means[asked] * rng.exponential(1, (*at[0].shape, 1))
 
     with pytest.raises(ValueError, match="answers two equal calls differently: for an estimator say repeats=64"):
         from_callable(estimator, even=True)
@@ -121,6 +125,7 @@ def test_a_surfaces_cosine_is_taken_out() -> None:
     ("call", "message"),
     [
         (lambda: cuticle.from_mitsuba("hair", h=2.0), "h must be in"),
+        (lambda: cuticle.from_mitsuba("hair", h=0.0).sample(0.1, [0.1, 1.0, 0.2]), "got 1 at u"),
         (lambda: cuticle.from_mitsuba("nothing", h=0.0), "Mitsuba refuses"),
         (lambda: cuticle.from_mitsuba("dielectric", h=0.0), "single directions only"),
         (lambda: cuticle.from_mitsuba("sphere", h=0.0), "is not a BSDF of Mitsuba"),

@@ -104,9 +104,11 @@ void bind_far_field(nb::module_ &m) {
             std::copy(std::begin(row), std::end(row), out.data() + 5 * j);
         }
     });
-    m.attr("far_cells") = nb::make_tuple(cuticle::r_cells, cuticle::tt_cells, cuticle::tt_in_trt);
+    m.attr("far_cells") = cuticle::tt_cells;  // of R and of TT
     m.def("longitudinal_deviation", [](double beta_m) { return cuticle::longitudinal_deviation(beta_m); });
-    m.def("color_divisor", [](double beta_n) { return cuticle::color_divisor(beta_n); });
+    m.def("color_divisor", [](const In<double> &beta_n, Out<double> out) {
+        std::transform(beta_n.data(), beta_n.data() + beta_n.size(), out.data(), cuticle::color_divisor<double>);
+    });
     m.def("azimuthal_scale", [](double beta_n) { return cuticle::azimuthal_scale(beta_n); });
 }
 

@@ -38,10 +38,10 @@ class Run:
 
 
 def compiled(
-    made: Export, x: np.ndarray, folder: Path, *, command: list[str], suffix: str = "cpp", precision: str = "float"
+    made: Export, x: np.ndarray, folder: Path, *, command: list[str], precision: str = "float", program: str = "replay.cpp"
 ) -> np.ndarray:
     """Compile an exported header alone in an empty folder, and run it over the inputs."""
-    build(made.text, x, folder, command=command, suffix=suffix, precision=precision)
+    build(made.text, x, folder, command=command, precision=precision, program=program)
     x.astype("<f4").tofile(folder / "inputs")
     ran = subprocess.run(
         ["./replay", "inputs", "outputs"], cwd=folder, capture_output=True, text=True, timeout=120, check=False
@@ -50,13 +50,14 @@ def compiled(
     return np.fromfile(folder / "outputs", "<f8").reshape(len(x), -1)
 
 
-def build(text: str, x: np.ndarray, folder: Path, *, command: list[str], suffix: str, precision: str) -> None:
+def build(text: str, x: np.ndarray, folder: Path, *, command: list[str], precision: str, program: str) -> None:
     """Compile it; a warning is an error."""
     (folder / "fibre.h").write_text(text)
-    shutil.copy(PROGRAM / f"replay.{suffix}", folder)
-    asked = {SAMPLER: [], EVAL: ["-DEVAL"], AROUND: ["-DEVAL", "-DAROUND"]}[x.shape[1]]
+    for needed in (program, "replay.h"):
+        shutil.copy(PROGRAM / needed, folder)
+    asked = {EVAL: ["-DEVAL"], AROUND: ["-DEVAL", "-DAROUND"]}.get(x.shape[1], [])
     built = subprocess.run(
-        [*command, *asked, f"-DREAL={precision}", f"replay.{suffix}", "-o", "replay"],
+        [*command, *asked, f"-DREAL={precision}", program, "-o", "replay"],
         cwd=folder, capture_output=True, text=True, timeout=300, check=False,
     )  # fmt: skip
     assert built.returncode == 0, built.stderr
@@ -86,12 +87,15 @@ def has_gpu() -> bool:
 
 def nvcc_command(compiler: str) -> list[str]:
     """CUDA's compiler with warnings as errors, for the GPU at hand where there is one."""
-    command = [compiler, "-std=c++17", "-O3", "-Xcompiler", "-Wall,-Wextra", "--Werror", "all-warnings"]
+    command = [compiler, "-x", "cu", "-std=c++17", "-O3", "-Xcompiler", "-Wall,-Wextra", "--Werror", "all-warnings"]
     libraries = [f"-L{folder}" for folder in sorted(Path(compiler).parents[1].glob("lib*"))]
     return command + libraries + (["-arch=native"] if has_gpu() else [])
 
 
-def cuda(made: Export, x: np.ndarray, folder: Path, *, flags: tuple[str, ...] = (), precision: str = "float") -> np.ndarray:
+def cuda(
+    made: Export, x: np.ndarray, folder: Path, *, flags: tuple[str, ...] = (), precision: str = "float",
+    program: str = "replay.cpp",
+) -> np.ndarray:  # fmt: skip
     """By nvcc; the test is skipped where there is no compiler, or, once that has compiled it, no GPU."""
     compiler = nvcc()
     if compiler is None:
@@ -100,9 +104,9 @@ def cuda(made: Export, x: np.ndarray, folder: Path, *, flags: tuple[str, ...] = 
         )
     command = [*nvcc_command(compiler), *flags]
     if not has_gpu():
-        build(made.text, x, folder, command=[*command, "-c"], suffix="cu", precision=precision)
+        build(made.text, x, folder, command=[*command, "-c"], precision=precision, program=program)
         pytest.skip("no GPU: compiled without a warning, not run")
-    return compiled(made, x, folder, command=command, suffix="cu", precision=precision)
+    return compiled(made, x, folder, command=command, precision=precision, program=program)
 
 
 def shaded(

@@ -1,10 +1,7 @@
-// Replays inputs through an exported sampler: rows of theta_i, theta_r, phi, strands and three random numbers in single
-// precision; out come the pdf, theta_i and phi of a sample and its pdf in double. With EVAL the scattering function: of
-// theta_i, theta_r, phi, strands and, with AROUND, strands behind and whether their numbers are random.
+// Replays inputs through an exported sampler: rows of theta_i, theta_r, phi, strands and three random numbers; out come the
+// pdf, theta_i and phi of a sample and its pdf. With EVAL the scattering function: of theta_i, theta_r, phi, strands and,
+// with AROUND, strands behind and whether their numbers are random.
 #include "fibre.h"
-
-#include <cstdio>
-#include <vector>
 
 #ifdef EVAL
 #ifdef AROUND
@@ -12,7 +9,7 @@ constexpr int inputs = 6, outputs = fibre::channels;
 #else
 constexpr int inputs = 4, outputs = fibre::channels;
 #endif
-void answer(const REAL *x, double *out) {
+CUTICLE_HD void answer(const REAL *x, double *out) {
     REAL f[outputs];
 #ifdef AROUND
     fibre::eval_around(x[0], x[1], x[2], f, x[3], x[4], x[5] > 0);
@@ -23,7 +20,7 @@ void answer(const REAL *x, double *out) {
 }
 #else
 constexpr int inputs = 7, outputs = 4;
-void answer(const REAL *x, double *out) {
+CUTICLE_HD void answer(const REAL *x, double *out) {
     const auto s = fibre::sample(x[1], x[4], x[5], x[6], x[3]);
     out[0] = double(fibre::pdf(x[0], x[1], x[2], x[3]));
     out[1] = double(s.theta_i);
@@ -32,18 +29,4 @@ void answer(const REAL *x, double *out) {
 }
 #endif
 
-int main(int argc, char **argv) {
-    if (argc != 3) return 2;
-    std::FILE *in = std::fopen(argv[1], "rb"), *out = std::fopen(argv[2], "wb");
-    if (!in || !out) return 3;
-    float row[inputs];
-    while (std::fread(row, sizeof row, 1, in) == 1) {
-        REAL x[inputs];
-        for (int i = 0; i < inputs; ++i) x[i] = REAL(row[i]);
-        double result[outputs];
-        answer(x, result);
-        std::fwrite(result, sizeof result, 1, out);
-    }
-    std::fclose(in);
-    return std::fclose(out) == 0 ? 0 : 4;
-}
+#include "replay.h"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from cuticle.export.registry import Export
 from cuticle.scattering.any_fibre import Fibres
 
 FIBRES = 16
+PROGRAM = "replay_family.cpp"
 # A density's relative error in single precision: exponents of 2/v times half an angle squared, with v of .05 or more.
 SINGLE = dict(rtol=5e-3, atol=2e-5)
 
@@ -69,9 +69,8 @@ def expected(form: str, dtype: Any) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
-def build(made: Export, form: str, folder: Path, command: list[str], precision: str) -> None:
-    """Compile it with its fibres; a warning is an error."""
-    (folder / "fibre.h").write_text(made.text)
+def write_fibres(form: str, folder: Path) -> None:
+    """The fibres, as the replayed program includes them."""
     rows = []
     for p, s in zip(fibres(form).parameters, fibres(form).sigma_a, strict=True):
         numbers = singles(p)
@@ -80,28 +79,18 @@ def build(made: Export, form: str, folder: Path, command: list[str], precision: 
         )
         rows.append(f"{{{', '.join(groups)}, {{{', '.join(singles(s))}}}}}")
     (folder / "fibres.h").write_text(
-        f"inline fibre::Fibre<REAL> fibre_of(int k) {{\n static const fibre::Fibre<REAL> all[] = {{{', '.join(rows)}}};\n"
-        " return all[k];\n}\n"
+        "CUTICLE_HD inline fibre::Fibre<REAL> fibre_of(int k) {\n"
+        f" const fibre::Fibre<REAL> all[] = {{{', '.join(rows)}}};\n return all[k];\n}}\n"
     )
-    program = hosts.PROGRAM / "replay_family.cpp"
-    done = subprocess.run(
-        [*command, f"-DREAL={precision}", "-I.", str(program), "-o", "replay"],
-        cwd=folder, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert (done.returncode, done.stderr) == (0, "")
-
-
-def compiled(made: Export, form: str, folder: Path, command: list[str], precision: str) -> np.ndarray:
-    build(made, form, folder, command, precision)
-    cases().astype("<f4").tofile(folder / "inputs")
-    subprocess.run(["./replay", "inputs", "outputs"], cwd=folder, check=True, timeout=120)
-    return np.fromfile(folder / "outputs", "<f8").reshape(len(cases()), -1)
 
 
 def cpp(form: str, folder: Path, precision: str = "float", made: Export | None = None) -> np.ndarray:
     hosts.need("g++")
+    write_fibres(form, folder)
     command = ["g++", "-std=c++17", "-O1", *hosts.WARNINGS]
-    return compiled(made or export_family(form, "cpp"), form, folder, command, precision)
+    return hosts.compiled(
+        made or export_family(form, "cpp"), cases(), folder, command=command, precision=precision, program=PROGRAM
+    )
 
 
 def shaded(form: str, to: str, folder: Path, browser: Any, made: Export | None = None) -> np.ndarray:
@@ -166,14 +155,8 @@ def test_a_family_in_a_shader(form: str, to: str, browser: Any, tmp_path: Path) 
 
 @pytest.mark.parametrize("form", ["chiang", "marschner"])
 def test_a_family_in_cuda(form: str, tmp_path: Path) -> None:
-    compiler = hosts.nvcc()
-    if compiler is None:
-        pytest.skip("no nvcc")
-    command, made = [*hosts.nvcc_command(compiler), "-x", "cu"], export_family(form, "cuda")
-    if not hosts.has_gpu():
-        build(made, form, tmp_path, [*command, "-c"], "float")
-        pytest.skip("no GPU: compiled without a warning, not run")
-    compare(form, compiled(made, form, tmp_path, command, "float"), **SINGLE)
+    write_fibres(form, tmp_path)
+    compare(form, hosts.cuda(export_family(form, "cuda"), cases(), tmp_path, program=PROGRAM), **SINGLE)
 
 
 def test_a_wrong_number_is_caught(browser: Any, tmp_path: Path) -> None:

@@ -81,10 +81,7 @@ def uneven(lobes: int, strands: tuple[float, ...]) -> cuticle.Sampler:
     return cuticle.Sampler(nodes, rng.uniform(0.2, 2, nodes.shape[:2]), strands, even=False)
 
 
-SAMPLERS: dict[str, Callable[[], cuticle.Sampler]] = {
-    "document": lambda: fitted("document"),
-    "uneven, 3 lobes": lambda: uneven(3, (0.0, 2.0)),
-}
+SAMPLERS: dict[str, Callable[[], cuticle.Sampler]] = {"uneven, 3 lobes": lambda: uneven(3, (0.0, 2.0))}
 OTHERS: dict[str, Callable[[], cuticle.Sampler]] = {
     "brown": lambda: fitted("brown"),
     "black": lambda: fitted("black"),
@@ -94,9 +91,11 @@ OTHERS: dict[str, Callable[[], cuticle.Sampler]] = {
 _MADE: dict[str, cuticle.Sampler] = {}
 
 
-@pytest.fixture(params=[*SAMPLERS, *(pytest.param(name, marks=pytest.mark.slow) for name in OTHERS)])
+@pytest.fixture(params=["document", *SAMPLERS, *(pytest.param(name, marks=pytest.mark.slow) for name in OTHERS)])
 def sampler(request: pytest.FixtureRequest) -> tuple[str, cuticle.Sampler]:
     name = request.param
+    if name == "document":
+        return name, request.getfixturevalue("document_fit").sampler
     if name not in _MADE:
         _MADE[name] = (SAMPLERS | OTHERS)[name]()
     return name, _MADE[name]

@@ -57,8 +57,8 @@ template <class F, class S, class M> struct Use {
     F abreast_of() const {
         F all[8] = {x, y, z, x, y, z, x, y};
         const S known[8] = {};
-        store_abreast<F>(load_abreast(all) + constants_abreast<F>(known), all);
-        return sum_abreast<F>(load_abreast(all));
+        store_abreast<F>(load_abreast(all, 0) + constants_abreast<F>(known, 0), all, 0);
+        return sum_abreast<F>(load_abreast(all, 0));
     }
 #endif
 #ifdef USE_simd_several
@@ -217,7 +217,8 @@ template <class F, class S, class M> struct Use {
     F cells() const {
         const Turned<F> at = turned(Azimuthal::normal, x, unit_rate(Azimuthal::normal, y), y, z);
         constexpr auto geometry = cell_geometry<S>(true);
-        return at.whole + at.rest + turn_of(Azimuthal::logistic, x, y) + F(geometry.width[0]);
+        return at.whole + at.rest + turn_of(Azimuthal::logistic, x, y) + F(geometry.width[0]) +
+               sum_abreast<F>(cell_edges<F>(true, 0).sine * cell_middles<F>(false, 0).cosine);
     }
 #endif
 #ifdef USE_scattering_far_fibre

@@ -15,6 +15,7 @@ template <class T> CUTICLE_INLINE T asin_single(const T &x) {
                                polynomial(x, T(-.0012624911f), T(.0066700901f), T(-.0170881256f), T(.0308918810f),
                                           T(-.0501743046f), T(.0889789874f), T(-.2145988016f), T(1.5707963050f));
 }
+template <class T> CUTICLE_INLINE T asin_signed(const T &x) { return copysign(asin_single(T(abs(x))), x); }
 
 }  // namespace math
 

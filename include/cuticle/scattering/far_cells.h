@@ -10,8 +10,12 @@
 namespace cuticle {
 
 // Cells of R, TT and TRT, one after the other; a lobe's edges are one more than its cells. TRT takes every third edge of TT.
-constexpr int r_cells = 24, tt_cells = r_cells, tt_in_trt = 3;  // CellGeometry serves both
-constexpr int first_tt = r_cells, first_trt = r_cells + tt_cells, far_cells = first_trt + tt_cells / tt_in_trt;
+constexpr int r_cells = 24;
+constexpr int tt_cells = r_cells;  // CellGeometry serves both
+constexpr int tt_in_trt = 3;
+constexpr int first_tt = r_cells;
+constexpr int first_trt = r_cells + tt_cells;
+constexpr int far_cells = first_trt + tt_cells / tt_in_trt;
 constexpr int far_edges = 64;  // of them far_cells + lobe_count are used
 CUTICLE_HD constexpr int first_cell(int p) { return p == 0 ? 0 : p == 1 ? first_tt : p == 2 ? first_trt : far_cells; }
 
@@ -79,6 +83,27 @@ template <class Scalar> CUTICLE_HD constexpr CellGeometry<Scalar> cell_geometry(
         g.width[j] = Scalar(2 * series_cosine(middle) * series_cosine((pi<double> - (to - from)) / 2));
     }
     return g;
+}
+
+// Of cells side by side, from the j-th on; `dense` for R. Shaders fetch them from tables of their own.
+template <class Float> struct CellEdges {
+    Float gamma, sine;
+};
+template <class Float> struct CellMiddles {
+    Float sine, cosine, width;
+};
+template <class Float> CUTICLE_INLINE CellEdges<Abreast<Float>> cell_edges(bool dense, int j) {
+    CUTICLE_CONSTANTS CellGeometry<scalar_t<Float>> fine = cell_geometry<scalar_t<Float>>(true),
+                                                    even = cell_geometry<scalar_t<Float>>(false);
+    const CellGeometry<scalar_t<Float>> &g = dense ? fine : even;
+    return {constants_abreast<Float>(g.gamma, j), constants_abreast<Float>(g.sine, j)};
+}
+template <class Float> CUTICLE_INLINE CellMiddles<Abreast<Float>> cell_middles(bool dense, int j) {
+    CUTICLE_CONSTANTS CellGeometry<scalar_t<Float>> fine = cell_geometry<scalar_t<Float>>(true),
+                                                    even = cell_geometry<scalar_t<Float>>(false);
+    const CellGeometry<scalar_t<Float>> &g = dense ? fine : even;
+    return {constants_abreast<Float>(g.middle_sine, j), constants_abreast<Float>(g.middle_cosine, j),
+            constants_abreast<Float>(g.width, j)};
 }
 
 }  // namespace cuticle

@@ -34,14 +34,10 @@ template <class Float> inline constexpr double far_digits = std::is_same_v<scala
 // Prepares f for a viewer. luminance: what each channel weighs in the density.
 template <int Channels, class Float, class Scalar>
 CUTICLE_HD FarField<Float, Channels> far_field(Azimuthal form, const FarFibre<Float> &fibre, const Float &theta_r,
-                                               const Float *sigma_a, const Scalar *luminance) {
+                                               const Float sigma_a[Channels], const Scalar luminance[Channels]) {
     using Cells = Abreast<Float>;
     using Lane = scalar_t<Float>;
-    constexpr int abreast = cuticle::abreast<Float>;
-    CUTICLE_CONSTANTS CellGeometry<Lane> dense = cell_geometry<Lane>(true), even = cell_geometry<Lane>(false);
-    const auto known = [](const Lane *from) { return constants_abreast<Float>(from); };
-    const auto load = [](const Float *from) { return load_abreast(from); };
-    const auto store = [](const Cells &x, Float *to) { store_abreast<Float>(x, to); };
+    constexpr int step = abreast<Float>;
     const bool closed = form == Azimuthal::normal;
     const Float sine = math::sin(theta_r), cosine = math::cos_theta(theta_r);
     const Cells sin_d(sine), cos_d(cosine), eta(fibre.eta);
@@ -55,14 +51,16 @@ CUTICLE_HD FarField<Float, Channels> far_field(Azimuthal form, const FarFibre<Fl
     // Edges. R: phi = -2 gamma. TRT's whole turn is left out.
     const Float bent = Float(1) / bravais_index(sine, cosine, fibre.eta);
     Float tt[tt_cells + 8], trt[tt_cells + 8];
-    for (int j = 0; j < r_cells + 1; j += abreast) store(Cells(Lane(-2)) * known(dense.gamma + j), field.edge + j);
-    for (int j = 0; j < tt_cells + 1; j += abreast) {
-        const Cells gamma = known(even.gamma + j), gamma_t = math::asin(Cells(known(even.sine + j) * Cells(bent)));
-        const CrossSection<Cells> ray = {gamma, gamma_t, gamma, gamma};
-        store(exit_azimuth(1, ray), tt + j);
-        store(exit_azimuth(2, ray) - Cells(Lane(2 * pi<double>)), trt + j);
+    for (int j = 0; j < r_cells + 1; j += step)
+        store_abreast(Cells(Cells(Lane(-2)) * cell_edges<Float>(true, j).gamma), field.edge, j);
+    for (int j = 0; j < tt_cells + 1; j += step) {
+        const CellEdges<Cells> at = cell_edges<Float>(false, j);
+        const Cells gamma_t = math::asin(Cells(at.sine * Cells(bent)));
+        const CrossSection<Cells> ray = {at.gamma, gamma_t, at.gamma, at.gamma};
+        store_abreast(exit_azimuth(1, ray), tt, j);
+        store_abreast(Cells(exit_azimuth(2, ray) - Cells(Lane(2 * pi<double>))), trt, j);
     }
-    for (int j = 0; j <= tt_cells; ++j) field.edge[first_tt + 1 + j] = tt[j];
+    for (int j = 0; j < tt_cells + 1; ++j) field.edge[first_tt + 1 + j] = tt[j];
     field.edge[first_trt + 2] = trt[0];
     for (int j = 0; j < tt_cells / tt_in_trt; ++j) {
         // Next to a caustic both edges may leave at one azimuth: a cell spans a little of D at least.
@@ -73,21 +71,23 @@ CUTICLE_HD FarField<Float, Channels> far_field(Azimuthal form, const FarFibre<Fl
     for (int j = far_cells + lobe_count; j < far_edges; ++j) field.edge[j] = Float(0);
 
     // Energies.
-    for (int j = 0; j < r_cells; j += abreast) {
-        const Cells a = fresnel(Cells(cos_d * known(dense.middle_cosine + j)), eta) * known(dense.width + j);
-        for (int c = 0; c < Channels; ++c) store(a, field.height[c] + j);
+    for (int j = 0; j < r_cells; j += step) {
+        const CellMiddles<Cells> at = cell_middles<Float>(true, j);
+        const Cells a = fresnel(Cells(cos_d * at.cosine), eta) * at.width;
+        for (int c = 0; c < Channels; ++c) store_abreast(a, field.height[c], j);
     }
     Float part[Channels][tt_cells];
     Cells rest[Channels];
     for (int c = 0; c < Channels; ++c) rest[c] = Cells(Lane(0));
-    for (int j = 0; j < tt_cells; j += abreast) {
-        const Cells f = fresnel(Cells(cos_d * known(even.middle_cosine + j)), eta), width = known(even.width + j);
-        const CrossSection<Cells> ray = {f, f, f, chord_of(Cells(known(even.middle_sine + j) * Cells(bent)), sin_d, eta)};
+    for (int j = 0; j < tt_cells; j += step) {
+        const CellMiddles<Cells> at = cell_middles<Float>(false, j);
+        const Cells f = fresnel(Cells(cos_d * at.cosine), eta);
+        const CrossSection<Cells> ray = {f, f, f, chord_of(Cells(at.sine * Cells(bent)), sin_d, eta)};
         for (int c = 0; c < Channels; ++c) {
             const Cells absorbed(sigma_a[c]);
-            store(width * attenuation(1, ray, absorbed, closed), field.height[c] + first_tt + j);
-            store(width * attenuation(2, ray, absorbed, closed), part[c] + j);
-            if (!closed) rest[c] = rest[c] + width * attenuation(3, ray, absorbed, closed);
+            store_abreast(Cells(at.width * attenuation(1, ray, absorbed, closed)), field.height[c], first_tt + j);
+            store_abreast(Cells(at.width * attenuation(2, ray, absorbed, closed)), part[c], j);
+            if (!closed) rest[c] = rest[c] + at.width * attenuation(3, ray, absorbed, closed);
         }
     }
     Float luminous = Float(0);
@@ -99,7 +99,7 @@ CUTICLE_HD FarField<Float, Channels> far_field(Azimuthal form, const FarFibre<Fl
         }
         for (int p = 0; p < lobe_count; ++p) {
             Cells all(Lane(0));
-            for (int j = first_cell(p); j < first_cell(p + 1); j += abreast) all = all + load(field.height[c] + j);
+            for (int j = first_cell(p); j < first_cell(p + 1); j += step) all = all + load_abreast(field.height[c], j);
             field.energy[c][p] = sum_abreast<Float>(all);
         }
         field.energy[c][lobe_count] = sum_abreast<Float>(rest[c]);
@@ -107,9 +107,11 @@ CUTICLE_HD FarField<Float, Channels> far_field(Azimuthal form, const FarFibre<Fl
     }
     for (int c = 0; c < Channels; ++c) field.share[c] = Float(luminance[c]) / luminous;
     for (int p = 0; p < lobe_count; ++p)
-        for (int j = first_cell(p); j < first_cell(p + 1); j += abreast) {
-            const Cells over = Cells(Lane(1)) / math::abs(Cells(load(field.edge + j + p + 1) - load(field.edge + j + p)));
-            for (int c = 0; c < Channels; ++c) store(load(field.height[c] + j) * over, field.height[c] + j);
+        for (int j = first_cell(p); j < first_cell(p + 1); j += step) {
+            const Cells span = load_abreast(field.edge, j + p + 1) - load_abreast(field.edge, j + p);
+            const Cells over = Cells(Lane(1)) / math::abs(span);
+            for (int c = 0; c < Channels; ++c)
+                store_abreast(Cells(load_abreast(field.height[c], j) * over), field.height[c], j);
         }
     return field;
 }
@@ -117,21 +119,21 @@ CUTICLE_HD FarField<Float, Channels> far_field(Azimuthal form, const FarFibre<Fl
 // f in 1/sr, without a cosine, into f[Channels]; returns its density by luminance, which is far_sample's, 1/sr.
 template <class Float, int Channels>
 CUTICLE_HD Float far_eval(Azimuthal form, const FarField<Float, Channels> &field, const Float &theta_i, const Float &phi,
-                          Float *f) {
+                          Float f[Channels]) {
     using Cells = Abreast<Float>;
     using Lane = scalar_t<Float>;
-    constexpr int abreast = cuticle::abreast<Float>;
-    const auto load = [](const Float *from) { return load_abreast(from); };
+    constexpr int step = abreast<Float>;
     const Float rate = unit_rate(form, field.width), cut = lower_tail(form, Float(Float(pi<Float>) * rate));
     const Cells rates(rate), cuts(cut), kept(Float(Float(1) / (Float(1) - Float(2) * cut)));
     // Light through the fibre's other half leaves at the mirrored azimuths.
     const Float wrapped = math::wrap_angle(phi), sides[2] = {wrapped, Float(-wrapped)};
     Float whole[2][far_edges], rest[2][far_edges];
     for (int s = 0; s < 2; ++s)
-        for (int j = 0; j < far_cells + lobe_count; j += abreast) {
-            const Turned<Cells> at = turned(form, Cells(Cells(sides[s]) - load(field.edge + j)), rates, cuts, kept);
-            store_abreast<Float>(at.whole, whole[s] + j);
-            store_abreast<Float>(at.rest, rest[s] + j);
+        for (int j = 0; j < far_cells + lobe_count; j += step) {
+            const Cells away = Cells(sides[s]) - load_abreast(field.edge, j);
+            const Turned<Cells> at = turned(form, away, rates, cuts, kept);
+            store_abreast(at.whole, whole[s], j);
+            store_abreast(at.rest, rest[s], j);
         }
     Several<Float, far_lobes> axis(Lane(0)), variance(Lane(1));
     for (int p = 0; p < far_lobes; ++p) {
@@ -143,13 +145,14 @@ CUTICLE_HD Float far_eval(Azimuthal form, const FarField<Float, Channels> &field
     for (int p = 0; p < lobe_count; ++p) {
         Cells around[Channels];
         for (int c = 0; c < Channels; ++c) around[c] = Cells(Lane(0));
-        for (int j = first_cell(p); j < first_cell(p + 1); j += abreast) {
+        for (int j = first_cell(p); j < first_cell(p + 1); j += step) {
             Cells both(Lane(0));
             for (int s = 0; s < 2; ++s) {
-                const Float *w = whole[s] + j + p, *r = rest[s] + j + p;
-                both = both + math::abs(Cells((load(w) - load(w + 1)) + (load(r) - load(r + 1))));
+                const Cells w = load_abreast(whole[s], j + p) - load_abreast(whole[s], j + p + 1);
+                const Cells r = load_abreast(rest[s], j + p) - load_abreast(rest[s], j + p + 1);
+                both = both + math::abs(Cells(w + r));
             }
-            for (int c = 0; c < Channels; ++c) around[c] = around[c] + load(field.height[c] + j) * both;
+            for (int c = 0; c < Channels; ++c) around[c] = around[c] + load_abreast(field.height[c], j) * both;
         }
         for (int c = 0; c < Channels; ++c) f[c] = f[c] + Float(.5) * along[p] * sum_abreast<Float>(around[c]);
     }
@@ -168,15 +171,15 @@ template <class Float> struct FarCell {
 };
 template <int p, class Float, int Channels>
 CUTICLE_INLINE FarCell<Float> far_cell(const FarField<Float, Channels> &field, const Float &u) {
-    constexpr int abreast = cuticle::abreast<Float>, first = first_cell(p), count = first_cell(p + 1) - first;
+    using Cells = Abreast<Float>;
+    constexpr int step = abreast<Float>, first = first_cell(p), count = first_cell(p + 1) - first;
     Float weight[count];
     // u is scaled by the sum in this very order, so that it never selects a cell of no energy.
-    for (int j = 0; j < count; j += abreast) {
-        const Float *edge = field.edge + first + j + p;
-        Abreast<Float> all(Float(0));
-        for (int c = 0; c < Channels; ++c)
-            all = all + Abreast<Float>(field.share[c]) * load_abreast(field.height[c] + first + j);
-        store_abreast<Float>(all * math::abs(Abreast<Float>(load_abreast(edge + 1) - load_abreast(edge))), weight + j);
+    for (int j = 0; j < count; j += step) {
+        const Cells span = load_abreast(field.edge, first + j + p + 1) - load_abreast(field.edge, first + j + p);
+        Cells all(Float(0));
+        for (int c = 0; c < Channels; ++c) all = all + Cells(field.share[c]) * load_abreast(field.height[c], first + j);
+        store_abreast(Cells(all * math::abs(span)), weight, j);
     }
     Float total = weight[0];
     for (int j = 1; j < count; ++j) total = total + weight[j];
@@ -199,7 +202,7 @@ CUTICLE_INLINE FarCell<Float> far_cell(const FarField<Float, Channels> &field, c
 // far_eval.
 template <class Float, int Channels>
 CUTICLE_HD Sample<Float> far_sample(Azimuthal form, const FarField<Float, Channels> &field, const Float &u_lobe,
-                                    const Float &u_theta, const Float &u_phi, Float *f) {
+                                    const Float &u_theta, const Float &u_phi, Float f[Channels]) {
     const Float side = Float(2) * u_phi, u_cell = side - math::floor(side);
     Float below = Float(0), start = Float(0), chance = Float(0), axis = field.axis[0], variance = field.variance[0];
     FarCell<Float> cell = {Float(0), Float(0), Float(0)};

@@ -9,17 +9,18 @@ namespace cuticle {
 
 template <class Float> inline constexpr int abreast = std::is_arithmetic_v<Float> && !CUTICLE_DEVICE ? 8 : 1;
 template <class Float> using Abreast = std::conditional_t<abreast<Float> == 1, Float, Pack<Float, 8>>;
-template <class Float> CUTICLE_INLINE Abreast<Float> load_abreast(const Float *from) {
-    if constexpr (abreast<Float> == 1) return *from;
-    else return load_pack<Float, 8>(from);
+// From and to the elements of an array that begin at an index.
+template <class Float> CUTICLE_INLINE Abreast<Float> load_abreast(const Float *from, int at) {
+    if constexpr (abreast<Float> == 1) return from[at];
+    else return load_pack<Float, 8>(from + at);
 }
-template <class Float> CUTICLE_INLINE Abreast<Float> constants_abreast(const scalar_t<Float> *from) {
-    if constexpr (abreast<Float> == 1) return Float(*from);
-    else return load_pack<Float, 8>(from);
+template <class Float> CUTICLE_INLINE Abreast<Float> constants_abreast(const scalar_t<Float> *from, int at) {
+    if constexpr (abreast<Float> == 1) return Float(from[at]);
+    else return load_pack<Float, 8>(from + at);
 }
-template <class Float> CUTICLE_INLINE void store_abreast(const Abreast<Float> &x, Float *to) {
-    if constexpr (abreast<Float> == 1) *to = x;
-    else std::memcpy(to, &x.v, sizeof x.v);
+template <class Float> CUTICLE_INLINE void store_abreast(const Abreast<Float> &x, Float *to, int at) {
+    if constexpr (abreast<Float> == 1) to[at] = x;
+    else std::memcpy(to + at, &x.v, sizeof x.v);
 }
 template <class Float> CUTICLE_INLINE Float sum_abreast(const Abreast<Float> &x) {
     if constexpr (abreast<Float> == 1) return x;

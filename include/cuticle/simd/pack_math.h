@@ -178,7 +178,7 @@ template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> sqrt(const Pack<T,
     return r;
 }
 template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> asin(const Pack<T, N, B> &x) {
-    if constexpr (std::is_same_v<T, float> && CUTICLE_NATIVE_PACK) return copysign(math::asin_single(abs(x)), x);
+    if constexpr (std::is_same_v<T, float> && CUTICLE_NATIVE_PACK) return math::asin_signed(x);
     Pack<T, N, B> r;
     for (int i = 0; i < N; ++i) r.set(i, math::asin(x[i]));
     return r;

@@ -131,6 +131,14 @@ def angles(name: str, value: ArrayLike, limit: float, dtype: Any) -> NDArray:
     return array(name, value, -limit, limit, dtype, remedy=RADIANS)
 
 
+def random_triples(u: ArrayLike, dtype: Any, meaning: str = "lobe, theta, phi") -> NDArray:
+    """Return `u` as an array of shape (..., 3), random numbers in [0, 1); `meaning` says what the three are for."""
+    x = array("u", u, 0, 1, dtype, remedy="u are random numbers in [0, 1)", open_end=True)
+    if x.ndim < 1 or x.shape[-1] != 3:
+        raise ValueError(f"u must have shape (..., 3): {meaning}; got {x.shape}")
+    return x
+
+
 def broadcast(**arrays: NDArray) -> tuple[int, ...]:
     """Return the common shape of `arrays`, or raise ValueError that tells each one's shape."""
     try:

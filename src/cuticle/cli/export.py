@@ -13,7 +13,7 @@ from cuticle._support import validate
 from cuticle._support.files import check_directory, check_file, make_directory, read_text, write_bytes
 from cuticle.cli.terminal import STANDARD_OUTPUT, check_output, err, out, progress_bar, refuse_idle, write_output
 from cuticle.export import HOSTS, MAX_TABLE, amalgamate, check_frame, check_name, export, export_family
-from cuticle.export.family import check_family
+from cuticle.export.family import family_writer
 from cuticle.export.frames import DEFAULT_FRAME, FRAMES
 from cuticle.export.hosts.web import LOBES
 from cuticle.export.registry import Export, host
@@ -64,9 +64,9 @@ def command(
         refuse_idle(ctx, "with --amalgamate, which writes the headers alone", "to", "frame", "name", "with_model", "model")
     if family is not None:
         refuse_idle(ctx, "with --family, which is f and its sampler", "with_model", "model")
-        check_family(family, to)
-        if to == "pbrt":
-            refuse_idle(ctx, "with --to pbrt", "frame")
+        family_writer(family, to)
+        if to is not None and not host(to).framed:
+            refuse_idle(ctx, f"with --to {to}", "frame")
     folder = to == "pbrt" and output.suffix != ".h"  # such as src/pbrt; made when there is something to write
     if folder:
         output = check_directory(output) / f"{'fibre' if name is None else check_name(name, 'pbrt')}.h"

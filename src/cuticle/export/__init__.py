@@ -10,10 +10,10 @@ import numpy as np
 
 from cuticle._support import validate
 from cuticle._support.version import __version__
-from cuticle.export.family import check_family, write_family
+from cuticle.export.family import about_family, family_writer
 from cuticle.export.frames import DEFAULT_FRAME, FRAMES, Frame, frame
 from cuticle.export.headers import amalgamate
-from cuticle.export.registry import HOSTS, Export, Job, host
+from cuticle.export.registry import HOSTS, Export, FamilyJob, Job, host
 from cuticle.export.reserved_words import OURS
 from cuticle.sampling.quality import MEASURED_AT, measure
 from cuticle.sampling.sampler import Sampler
@@ -119,9 +119,9 @@ def export_family(form: str, to: str, *, frame: str = DEFAULT_FRAME, name: str =
     ValueError
         An unknown family, host or frame; a name that is no identifier.
     """
-    check_family(form, to)
-    check_frame(frame)
-    return write_family(form, to, frame, check_name(name, to))
+    write = family_writer(form, to)
+    host_frame = check_frame(frame)
+    return write(FamilyJob(form, check_name(name, to), host_frame, about_family(form)))
 
 
 def check_name(name: str, to: str) -> str:

@@ -11,6 +11,7 @@ from typing import Literal
 from cuticle.export import hosts
 from cuticle.export.frames import Frame
 from cuticle.sampling.sampler import Sampler
+from cuticle.scattering.any_fibre import FORMS
 from cuticle.scattering.bcsdf import Bcsdf
 from cuticle.scattering.compact_table import FunctionTable
 from cuticle.scattering.fibre_tables import FibreTables
@@ -79,6 +80,26 @@ class Job:
 
 
 @dataclass(frozen=True)
+class FamilyJob:
+    """What a host writes of a family: the far field of any fibre.
+
+    Attributes
+    ----------
+    form
+        The family's name.
+    name, frame
+        As a `Job`'s.
+    about
+        Lines that say what it is.
+    """
+
+    form: str
+    name: str
+    frame: Frame
+    about: list[str]
+
+
+@dataclass(frozen=True)
 class Host:
     """A host of exports.
 
@@ -88,6 +109,10 @@ class Host:
         A phrase on what the file is.
     write
         Makes the file.
+    family
+        Makes the file of a family; None where the host takes samplers alone.
+    forms
+        The families that it takes.
     model
         Whether the scattering function goes along.
     tolerance
@@ -104,6 +129,8 @@ class Host:
 
     about: str
     write: Callable[[Job], Export]
+    family: Callable[[FamilyJob], Export] | None = None
+    forms: tuple[str, ...] = tuple(FORMS)
     model: Literal["when asked", "always", "never"] = "when asked"
     tolerance: float = TOLERANCE
     tables: float = 0.5

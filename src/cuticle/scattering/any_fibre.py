@@ -251,9 +251,7 @@ class Family(Value):
             theta_i, phi (radians) and their pdf (1/sr); in single precision if theta_r and u are.
         """
         dtype = validate.float_type(theta_r, u)
-        us = validate.array("u", u, 0, 1, dtype, remedy="u are random numbers in [0, 1)", open_end=True)
-        if us.ndim < 1 or us.shape[-1] != 3:
-            raise ValueError(f"u must have shape (..., 3): lobe, theta, phi; got {us.shape}")
+        us = validate.random_triples(u, dtype)
         tr = validate.angles("theta_r", theta_r, validate.HALF_PI, dtype)
         fibres = self._fibres(fibre, values)
         shape = validate.broadcast(theta_r=tr, u=us[..., 0], fibres=np.empty(fibres.shape))

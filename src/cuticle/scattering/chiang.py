@@ -286,9 +286,7 @@ class ChiangNear(Value, Plotted):
         Sample
             theta_i, phi (radians) and their pdf (1/sr).
         """
-        us = validate.array("u", u, 0, 1, np.float64, remedy="u are random numbers in [0, 1)", open_end=True)
-        if us.ndim < 1 or us.shape[-1] != 3:
-            raise ValueError(f"u must have shape (..., 3): lobe, theta, phi; got {us.shape}")
+        us = validate.random_triples(u, np.float64)
         tr = validate.angles("theta_r", theta_r, validate.HALF_PI, np.float64)
         shape = validate.broadcast(theta_r=tr, u=us[..., 0], h=self.h)
         count = math.prod(shape)

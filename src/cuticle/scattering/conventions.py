@@ -343,7 +343,9 @@ def _sigma_a(value: Any, scale: float) -> dict[str, Any]:
 
 def _color_divisor(beta_n: ArrayLike) -> NDArray[np.float64]:
     b = validate.array("beta_n", beta_n, 0, 1, np.float64, remedy="roughness runs from 0.01 to 1")
-    return np.vectorize(_core.color_divisor, otypes=[np.float64])(b)
+    out = np.empty_like(b)
+    _core.color_divisor(b, out)
+    return out
 
 
 def _inverse(name: str, value: float, function: Any) -> float:

@@ -121,9 +121,7 @@ class MitsubaBsdf(Value, Plotted):
 
         A delta sample, such as that of a smooth interface, has no density: its pdf and weight are 0.
         """
-        us = validate.array("u", u, 0, 1, np.float32, remedy="u are random numbers in [0, 1)", open_end=True)
-        if us.ndim < 1 or us.shape[-1] != 3:
-            raise ValueError(f"u must have shape (..., 3), got {us.shape}")
+        us = validate.random_triples(u, np.float32, "sample1, and both of sample2")
         tr = validate.angles("theta_r", theta_r, validate.HALF_PI, np.float64)
         shape = validate.broadcast(theta_r=tr, u=us[..., 0])
         tr, us = np.broadcast_to(tr, shape).ravel(), np.broadcast_to(us, (*shape, 3)).reshape(-1, 3)

@@ -35,9 +35,11 @@ from cuticle.export.formulas.tree import (  # fmt: skip
 # Functions that every language has, and how many numbers they take; and what stands for those that shaders have not, or
 # not to the precision of a float.
 INTRINSICS = {
-    "sqrt": 1, "log": 1, "exp": 1, "decay": 1, "asin": 1, "abs": 1, "floor": 1, "atan2": 2, "max": 2, "min": 2, "clamp": 3,
+    "sqrt": 1, "log": 1, "exp": 1, "decay": 1, "abs": 1, "floor": 1, "atan2": 2, "max": 2, "min": 2, "clamp": 3,
 }  # fmt: skip
-INSTEAD = {"sin": "math::sin_turned", "cos": "math::cos_turned", "copysign": "math::copysign_chosen"}
+INSTEAD = {
+    "sin": "math::sin_turned", "cos": "math::cos_turned", "asin": "math::asin_signed", "copysign": "math::copysign_chosen",
+}  # fmt: skip
 _COMPARE = ("<", ">", "<=", ">=", "==", "!=")
 
 
@@ -118,9 +120,16 @@ class Expressions:
             assert isinstance(listed, Listed)
             return listed.items[int(self.constant(value.index, scope).value)]
         of, index = self.node(value.of, scope), self.node(value.index, scope)
+        if isinstance(of.type, Vector) and of.type.size > 1 and index.type == INT:
+            return Element(Vector(of.type.kind), of, index)
         if not isinstance(of.type, Array) or index.type != INT:
             scope.refuse(f"{words(value)}: memory is read by the host's functions alone")
-        return Element(of.type.of, of, index)
+        kind = of.type.of
+        if isinstance(kind, Array):  # of which the next index takes one
+            index = _whole("*", index, Literal(INT, kind.length))
+        if isinstance(of, Element):
+            return Element(kind, of.of, _whole("+", of.index, index))
+        return Element(kind, of, index)
 
     def named(self, name: cpp.Name, scope: Scope) -> Node:
         """A variable, or a constant of the headers."""
@@ -158,6 +167,8 @@ class Expressions:
             return Literal(BOOL, a == b)
         if last in ("is_pack", "CUTICLE_ORDERS_NAN"):
             return Literal(BOOL, False)
+        if last == "abreast":
+            return Literal(INT, 1)
         return scope.refuse(f"{words(name)} is outside the subset")
 
     def operation(self, value: cpp.Operator, scope: Scope) -> Node:
@@ -176,15 +187,18 @@ class Expressions:
             if kinds[0] != BOOL or kinds[1] != kinds[2]:
                 scope.refuse(f"{words(value)} chooses between two types, or by a mask: select does that")
             return Operation(kinds[1], "?", tuple(operands))
-        if value.symbol in ("&&", "||", "!"):
+        symbol = {"&": "&&", "|": "||"}.get(value.symbol, value.symbol) if set(kinds) == {BOOL} else value.symbol
+        if symbol in ("&&", "||", "!"):
             if any(k != BOOL for k in kinds):
                 scope.refuse(f"{words(value)} is not of bools")
-            return self.logic(value.symbol, operands)
+            return self.logic(symbol, operands)
         kind = self.common(kinds, value, scope)
         if value.symbol in _COMPARE:
             return Operation(Vector("bool", kind.size), value.symbol, tuple(operands))
         if value.symbol in ("&", "|") or (value.symbol == "%" and kind.kind != "int"):
             scope.refuse(f"{value.symbol!r} is outside the subset")
+        if kind == INT and value.symbol == "+":
+            return _whole("+", *operands)
         return Operation(kind, value.symbol, tuple(operands))
 
     def logic(self, symbol: str, operands: list[Node]) -> Node:
@@ -226,6 +240,10 @@ class Expressions:
             "::" in name.path and isinstance(scope.types.get(name.path.split("::")[0]), Traits)
         ) or name.path == "ArrayTraits":
             return self.of_traits(name.member or last, value, scope)
+        if last == "load_abreast":
+            return self.element(cpp.Index(*value.arguments), scope)
+        if last == "sum_abreast":
+            return self.node(value.arguments[0], scope)
         if last in ("polynomial", "estrin"):
             return self.polynomial(last, value, scope)
         operands = [self.node(a, scope) for a in value.arguments]
@@ -288,6 +306,16 @@ class Expressions:
         if a.type != b.type or not isinstance(mask.type, Vector) or mask.type.kind != "bool" or mask.type.size not in sizes:
             scope.refuse(f"{words(value)} chooses between two types, or by a mask of another size")
         return Operation(a.type, "?", (mask, a, b))
+
+
+def _whole(symbol: str, a: Node, b: Node) -> Node:
+    """A sum or product of whole numbers, worked out where it is constant; 0 is left out of a sum."""
+    if isinstance(a, Literal) and isinstance(b, Literal):
+        return combine(symbol, [a, b]) or a
+    for x, other in ((a, b), (b, a)):
+        if symbol == "+" and isinstance(x, Literal) and x.value == 0:
+            return other
+    return Operation(INT, symbol, (a, b))
 
 
 def _components(of: Type, name: str) -> Type | None:

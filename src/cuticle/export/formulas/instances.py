@@ -16,6 +16,7 @@ from cuticle.export.formulas.tree import (  # fmt: skip
     FLOAT,
     INT,
     Array,
+    Block,
     Choice,
     Count,
     Element,
@@ -44,6 +45,9 @@ NUMBERS = {"float": FLOAT, "double": DOUBLE, "int": INT, "bool": BOOL} | {
 }
 
 
+SHORT = 4  # steps of a loop, such as channels and lobes, that are printed one after the other
+
+
 class Instances(Expressions):
     """Makes instances of what is asked for and of all that this needs, each once, what is needed first.
 
@@ -63,7 +67,7 @@ class Instances(Expressions):
         self.externals = externals
         self.items: list[Record | Instance] = []
         self._records: dict[tuple[Any, ...], Record] = {}
-        self._origin: dict[Record, tuple[cpp.Struct, dict[str, Type]]] = {}
+        self._origin: dict[Record, tuple[cpp.Struct, dict[str, Type], dict[str, Node | Listed]]] = {}
         self._made: dict[tuple[Any, ...], Instance] = {}
         self._taken: dict[tuple[Any, ...], tuple[Any, ...]] = {}
 
@@ -81,14 +85,15 @@ class Instances(Expressions):
 
     def record(self, declared: cpp.Struct, types: dict[str, Type], values: dict[str, Node | Listed]) -> Record:
         """Return a struct's instance."""
-        key = (id(declared), tuple(types.items()))
+        key = (id(declared), tuple(types.items()), tuple(values.items()))
         if key not in self._records:
             scope = Scope(declared.name, declared.scope, types, values)
             fields = tuple((f.name, self.array_type(f, scope)) for f in declared.fields)
             wide = [t.size for t in types.values() if isinstance(t, Vector) and t.size > 1]
+            wide += [v.value for v in values.values() if isinstance(v, Literal)]
             made = Record(declared.name + "".join(map(str, wide)), fields, declared.comment)
             self._records[key] = made
-            self._origin[made] = (declared, types)
+            self._origin[made] = (declared, types, values)
             self.items.append(made)
         return self._records[key]
 
@@ -108,14 +113,15 @@ class Instances(Expressions):
         body = without_unused(self.lines(declared.body, inside))
         marks = [k for k, v in known.items() if isinstance(v, Literal) and v.value is True]
         marks += [str(v.value) for v in known.values() if isinstance(v, Literal) and isinstance(v.type, Choice)]
+        marks += [str(v.value) for n in _unsaid(declared) if isinstance(v := known.get(n), Literal)]
         plain = declared.name + "".join(f"_{m.lower()}" for m in marks)
         used = tuple((k, t, c) for k, t, c in parameters)
         made = Instance(plain, inside.result, used, body, declared.comment)
-        sign = (plain, tuple(t for _, t, _ in used))
-        if self._taken.setdefault(sign, key) != key:
-            scope.refuse(f"{plain} has two meanings for the same types")
         self._made[key] = made
         if constant_of(made) is None:
+            sign = (plain, tuple(t for _, t, _ in used))
+            if self._taken.setdefault(sign, key) != key:
+                scope.refuse(f"{plain} has two meanings for the same types")
             self.items.append(made)
         return made
 
@@ -136,6 +142,13 @@ class Instances(Expressions):
         if not name.arguments and "::" in path and isinstance(scope.types.get(path.split("::")[0]), Traits):
             path, member = path.split("::")
         found: Type | None = scope.types.get(path) or self.types.get(path)
+        if path in ("Abreast", "Several") and name.arguments:  # cells one after the other, lobes in a vector
+            of = self.type(name.arguments[0], scope)
+            if path == "Several":
+                if of != FLOAT:
+                    scope.refuse(f"{words(name)} is no vector of a shader")
+                of = Vector("float", int(self.constant(name.arguments[1], scope).value))
+            return of
         if path in ("scalar_t", "ArrayTraits") and name.arguments:
             of = self.type(name.arguments[0], scope)
             if not isinstance(of, Vector):
@@ -174,9 +187,12 @@ class Instances(Expressions):
         kind = self.type(variable.type, scope)
         if variable.length is None:
             return kind
-        if isinstance(variable.length, int):
-            scope.refuse(f"{variable.name} is an array of no length")
-        return Array(kind, int(self.constant(variable.length, scope).value))
+        for length in (variable.width, variable.length):
+            if isinstance(length, int):
+                scope.refuse(f"{variable.name} is an array of no length")
+            if length is not None:
+                kind = Array(kind, int(self.constant(length, scope).value))
+        return kind
 
     def bind(
         self, template: tuple[cpp.Parameter, ...], given: Iterable[cpp.Expr], scope: Scope
@@ -226,14 +242,7 @@ class Instances(Expressions):
                     scope.refuse(f"{words(s.condition)} is not one bool")
                 out.append(When(condition, self.lines(s.then, scope.inner()), self.lines(s.otherwise, scope.inner())))
             elif isinstance(s, cpp.For):
-                inside = scope.inner()
-                start, end = self.node(s.start, scope), self.node(s.end, scope)
-                if not (isinstance(start, Literal) and isinstance(end, Literal)):
-                    scope.refuse(f"the loop over {s.name} has no constant bounds")
-                if not start.value < end.value:
-                    continue
-                inside.values[s.name] = Local(INT, s.name)
-                out.append(Count(s.name, start, end, self.lines(s.body, inside)))
+                out += self.loop(s, scope)
             else:
                 target = self.node(s.target, scope)
                 if not isinstance(target, (Local, Field, Element)):
@@ -242,12 +251,32 @@ class Instances(Expressions):
                 out.append(Store(target, s.symbol, value))
         return tuple(out)
 
+    def loop(self, s: cpp.For, scope: Scope) -> list[Line]:
+        """A loop; a short one's steps one after the other, each with its number known."""
+        start, end = self.node(s.start, scope), self.node(s.end, scope)
+        if not (isinstance(start, Literal) and isinstance(end, Literal)):
+            scope.refuse(f"the loop over {s.name} has no constant bounds")
+        if self.constant(s.step, scope).value != 1:
+            scope.refuse(f"the loop over {s.name} is not by one")
+        short = end.value - start.value <= SHORT
+        out: list[Line] = []
+        for number in range(start.value, end.value if short else start.value + 1):
+            inside = scope.inner()
+            inside.values[s.name] = Literal(INT, number) if short else Local(INT, s.name)
+            body = self.lines(s.body, inside)
+            if not short:
+                out.append(Count(s.name, start, end, body))
+            else:
+                out += [Block(body)] if any(isinstance(x, Let) for x in body) else body
+        return out
+
     def variable(self, v: cpp.Variable, scope: Scope) -> list[Line]:
         """A declaration; one that is constant leaves no line."""
-        if v.type.path == "auto" and v.constant and v.value is not None and v.length is None:  # a mask, mostly
+        if v.type.path == "auto" and v.value is not None and v.length is None:  # a mask, mostly
             value = self.node(v.value, scope)
-            scope.values[v.name] = value if isinstance(value, Literal) else Local(value.type, v.name)
-            return [] if isinstance(value, Literal) else [Let(v.name, value.type, value)]
+            constant = v.constant and isinstance(value, Literal)
+            scope.values[v.name] = value if constant else Local(value.type, v.name)
+            return [] if constant else [Let(v.name, value.type, value)]
         if v.name in scope.printed:
             scope.refuse(f"{v.name} is declared twice in one block")
         kind = self.type(v.type, scope)
@@ -306,37 +335,48 @@ class Instances(Expressions):
                 inside.values[t.name] = values[t.name] = self.constant(t.value, inside)
         pairs = list(zip(declared.parameters, operands, strict=True))
         free = {p.name for p in declared.template if p.kind == "class"} - types.keys()
-        if any(p.length is not None for p, _ in pairs):
-            return None
         for p, x in pairs:  # what says a template's parameter
             if p.type.path in free and not p.type.arguments:
-                if inside.types.setdefault(p.type.path, x.type) != x.type:
+                kind = x.type.of if isinstance(x.type, Array) else x.type
+                if inside.types.setdefault(p.type.path, kind) != kind:
                     return None
             elif p.type.arguments and isinstance(x.type, Record):
                 self.learn(p.type, x.type, free, inside)
-        if not free <= inside.types.keys() or any(self.type_or_none(p.type, inside) != x.type for p, x in pairs):
+        named = [t.name for t in declared.template if t.name]
+        if not {*named} <= inside.types.keys() | inside.values.keys():
             return None
-        known = {k: v for k, v in values.items() if k}
+        if any(self.type_or_none(p.type, inside) is None or self.array_type(p, inside) != x.type for p, x in pairs):
+            return None
+        known = {name: inside.values[name] for name in named if name in inside.values}
+        worked_out = declared.constant and all(isinstance(x, Literal) for x in operands)
         for p, x in pairs:
-            if isinstance(x, Literal) and (isinstance(x.type, Choice) or x.type == BOOL):
+            if isinstance(x, Literal) and (isinstance(x.type, Choice) or x.type == BOOL or worked_out):
                 known[p.name] = x
             elif isinstance(x.type, Choice):
                 scope.refuse(f"{p.name} of {declared.name} is not constant")
         return inside, known
 
     def learn(self, wanted: cpp.Name, given: Record, free: set[str], inside: Scope) -> None:
-        """Struct<Float> for a struct's instance: what Float is."""
-        declared, types = self._origin[given]
+        """Struct<Float, N> for a struct's instance: what Float and N are."""
+        declared, types, values = self._origin[given]
         if wanted.path.rsplit("::", 1)[-1] == declared.name:
             for p, a in zip(declared.template, wanted.arguments or (), strict=False):
                 if isinstance(a, cpp.Name) and a.path in free and p.name in types:
                     inside.types.setdefault(a.path, types[p.name])
+                elif isinstance(a, cpp.Name) and p.name in values:
+                    inside.values.setdefault(a.path, values[p.name])
 
 
 def constant_of(f: Instance) -> Literal | None:
     """What a function returns where that is a constant."""
     value = f.body[0].value if len(f.body) == 1 and isinstance(f.body[0], Give) else None
     return value if isinstance(value, Literal) else None
+
+
+def _unsaid(declared: cpp.Function) -> list[str]:
+    """A template's numbers that the types of its arguments do not tell, and the name of an instance must."""
+    said = {a for p in declared.parameters for a in (p.length, *(p.type.arguments or ()))}
+    return [t.name for t in declared.template if t.kind == "int" and cpp.Name(t.name) not in said]
 
 
 def _returns(lines: tuple[Line, ...]) -> bool:

@@ -8,6 +8,11 @@ from dataclasses import dataclass, field, replace
 from cuticle.export.formulas.parser import Parser
 from cuticle.export.formulas.syntax import Declaration, Struct, SubsetError, Token, tokens
 
+# Of headers that are not read: what each means in a shader, `Instances` and `Expressions` know.
+_TEMPLATES = frozenset(
+    {"scalar_t", "ArrayTraits", "numeric_limits", "is_same_v", "Abreast", "abreast", "sum_abreast", "Several"}
+)
+
 
 @dataclass(frozen=True)
 class Found:
@@ -87,7 +92,7 @@ class Library:
             directive = next((t for t in one.stream if t.kind == "directive"), None)
             if directive is not None:
                 raise SubsetError(f"{one.name}: {directive.text.strip()!r} is outside the subset (line {directive.line})")
-            known = self.templates | {"scalar_t", "ArrayTraits", "numeric_limits", "is_same_v"}
+            known = self.templates | _TEMPLATES
             self.parsed[key] = Parser(list(one.stream), one.scope, one.name, known, one.comment).declaration()
         return self.parsed[key]
 

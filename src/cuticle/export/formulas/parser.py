@@ -84,8 +84,9 @@ class Parser:
     def declaration(self) -> Declaration:
         """Read all tokens as one declaration."""
         template = self.template()
+        before = set()
         while self.here.text in _BEFORE:
-            self.next()
+            before.add(self.next().text)
         if self.take("enum"):
             return self.enumeration()
         if self.take("struct"):
@@ -105,7 +106,8 @@ class Parser:
             if self.here.text != ")":
                 self.want(",")
         self.locals |= {p.name for p in parameters}
-        return Function(self.scope, name, self.comment, template, kind, tuple(parameters), self.block())
+        body = self.block()
+        return Function(self.scope, name, self.comment, template, kind, tuple(parameters), body, "constexpr" in before)
 
     def template(self) -> tuple[Parameter, ...]:
         """Read template <...>, if it is there."""
@@ -172,11 +174,9 @@ class Parser:
         kind = self.type()
         reference = self.take("&")
         name = self.word() if self.here.kind == "name" else f"unused_{index}"
-        length = None
-        if self.take("["):
-            length = self.expression()
-            self.want("]")
-        return Variable(kind, name, length=length, constant=constant, changes=reference and not constant)
+        length = self.length()
+        changes = not constant and (reference or length is not None)
+        return Variable(kind, name, length=length, constant=constant, changes=changes)
 
     def type(self) -> Name:
         """Read a type."""
@@ -266,12 +266,9 @@ class Parser:
             if self.here.text in ("*", "&", "&&"):
                 self.refuse(f"a pointer or reference ({self.here.text!r})")
             name = self.word()
-            length: Expr | int | None = None
             value: Expr | None = None
             self.locals.add(name)
-            if self.take("["):
-                length = 0 if self.here.text == "]" else self.expression()
-                self.want("]")
+            length, width = self.length(), self.length()
             if self.here.text == "{":
                 value = self.braced(None)
             elif self.here.text == "(":
@@ -280,13 +277,21 @@ class Parser:
                 self.want(")")
             elif self.take("="):
                 value = self.braced(None) if self.here.text == "{" else self.expression()
-            yield Variable(kind, name, value, length, constant)
+            yield Variable(kind, name, value, length, width, constant)
             if not self.take(","):
                 self.want(";")
                 return
 
+    def length(self) -> Expr | int | None:
+        """Read [length] or [], if it is there."""
+        if not self.take("["):
+            return None
+        length: Expr | int = 0 if self.here.text == "]" else self.expression()
+        self.want("]")
+        return length
+
     def loop(self) -> For:
-        """Read what follows for: an int that counts up by one."""
+        """Read what follows for: an int that counts up."""
         self.want("(")
         if not self.take("int"):
             self.refuse(f"a loop over {self.here.text!r}")
@@ -299,21 +304,33 @@ class Parser:
         if not (isinstance(condition, Operator) and condition.symbol == "<" and condition.operands[0] == Name(name)):
             self.refuse("a loop that is not counted up with <")
         self.want(";")
-        self.want("++")
+        step: Expr | None = Number("1") if self.take("++") else None
         if self.word() != name:
             self.refuse("a loop that counts something else")
+        if step is None:
+            self.want("+=")
+            step = self.expression()
         self.want(")")
-        return For(name, start, condition.operands[1], self.body())
+        return For(name, start, condition.operands[1], step, self.body())
 
     def assignment(self) -> Assign:
         """Read a target and its new value."""
         target = self.unary()
+        if isinstance(target, Call) and self.take(";"):
+            return self.stored(target)
         symbol = self.next().text
         if symbol not in ("=", "+=", "-=", "*=", "/="):
             self.refuse(f"{symbol!r}")
         value = self.braced(None) if self.here.text == "{" else self.expression()
         self.want(";")
         return Assign(target, symbol, value)
+
+    def stored(self, call: Call) -> Assign:
+        """What a call of one of the two functions that write to an element stands for."""
+        match call:
+            case Call(Member(x, "set"), (i, value)) | Call(Name("store_abreast"), (value, x, i)):
+                return Assign(Index(x, i), "=", value)
+        return self.refuse("a call whose value is not used")
 
     # -- expressions --
 

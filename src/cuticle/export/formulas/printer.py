@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cuticle.export.formulas.syntax import SubsetError
 from cuticle.export.formulas.tree import (  # fmt: skip
     Array,
+    Block,
     Choice,
     Count,
     Element,
@@ -129,9 +130,8 @@ class Printer:
 
     def declared(self, kind: Type, name: str) -> str:
         """A type and a name."""
-        if isinstance(kind, Array):
-            return f"{self.type(kind.of)} {self.variable(name)}[{kind.length}]"
-        return f"{self.type(kind)} {self.variable(name)}"
+        of, length = _flat(kind)
+        return f"{self.type(of)} {self.variable(name)}{length}"
 
     # -- declarations --
 
@@ -148,8 +148,8 @@ class Printer:
     def record(self, r: Record) -> str:
         """A struct, fields of one type on one line."""
         lines = []
-        for kind, group in itertools.groupby(r.fields, key=lambda f: f[1].of if isinstance(f[1], Array) else f[1]):
-            names = [self.variable(n) + (f"[{t.length}]" if isinstance(t, Array) else "") for n, t in group]
+        for kind, group in itertools.groupby(r.fields, key=lambda f: _flat(f[1])[0]):
+            names = [self.variable(n) + _flat(t)[1] for n, t in group]
             lines.append(f"    {self.type(kind)} {', '.join(names)};\n")
         return f"struct {self.type(r)} {{\n{''.join(lines)}}};\n"
 
@@ -186,6 +186,8 @@ class Printer:
                 name = self.variable(line.name)
                 head = f"for (int {name} = {self.node(line.start)}; {name} < {self.node(line.end)}; ++{name}) {{"
                 out += [tab + head, *self.lines(line.body, result, depth + 1), tab + "}"]
+            elif isinstance(line, Block):
+                out += [tab + "{", *self.lines(line.body, result, depth + 1), tab + "}"]
             else:
                 out += self.when(line, result, depth)
         return out
@@ -234,6 +236,8 @@ class Printer:
             name = x.name if isinstance(x.of.type, Vector) else self.variable(x.name)
             return f"{self.node(x.of, _WHOLE)}.{name}", _WHOLE
         if isinstance(x, Element):
+            if isinstance(x.type, Array):
+                raise SubsetError("an array of an array of them is no value of a shader")
             return f"{self.node(x.of, _WHOLE)}[{self.node(x.index)}]", _WHOLE
         if isinstance(x, Horner):
             return self.horner(x)
@@ -324,6 +328,15 @@ class Printer:
         if not rest and x.type.size > 1 and isinstance(first.type, Vector) and first.type.size == 1:
             return self.splat(x.type, self.node(first))
         return f"{self.type(x.type)}({', '.join(map(self.node, x.operands))})"
+
+
+def _flat(kind: Type) -> tuple[Type, str]:
+    """What an array is made of, and its length in brackets; of any other type itself."""
+    of, length = kind, 1
+    while isinstance(of, Array):
+        length *= of.length
+        of = of.of
+    return of, f"[{length}]" if isinstance(kind, Array) else ""
 
 
 def wrap(line: str) -> str:

@@ -105,12 +105,15 @@ Expr = Number | Name | Call | Member | Index | Operator
 
 @dataclass(frozen=True)
 class Variable:
-    """A declaration. `length`: an array's, 0 for its list's, None for no array; `changes`: a reference to write to."""
+    """A declaration. `length`: an array's, 0 for its list's, None for no array; `width`: of each array in an array;
+    `changes`: a reference or an array to write to.
+    """
 
     type: Name
     name: str
     value: Expr | None = None
     length: Expr | int | None = None
+    width: Expr | int | None = None
     constant: bool = False
     changes: bool = False
 
@@ -136,11 +139,12 @@ class If:
 
 @dataclass(frozen=True)
 class For:
-    """for (int name = start; name < end; ++name)."""
+    """for (int name = start; name < end; name += step)."""
 
     name: str
     start: Expr
     end: Expr
+    step: Expr
     body: tuple[Statement, ...]
 
 
@@ -173,7 +177,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Function:
-    """A function, or a template of one."""
+    """A function, or a template of one; `constant` is constexpr."""
 
     scope: str
     name: str
@@ -182,6 +186,7 @@ class Function:
     result: Name
     parameters: tuple[Variable, ...]
     body: tuple[Statement, ...]
+    constant: bool = False
 
 
 @dataclass(frozen=True)

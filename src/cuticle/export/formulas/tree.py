@@ -29,7 +29,7 @@ class Record:
 
 @dataclass(frozen=True)
 class Array:
-    """`length` of a type."""
+    """`length` of a type; arrays in an array are printed as one, the last index fastest."""
 
     of: Type
     length: int
@@ -187,7 +187,14 @@ class Give:
     value: Node
 
 
-Line = Let | Store | When | Count | Give
+@dataclass(frozen=True)
+class Block:
+    """{ ... }, with variables of its own."""
+
+    body: tuple[Line, ...]
+
+
+Line = Let | Store | When | Count | Give | Block
 
 
 @dataclass(frozen=True)
@@ -225,6 +232,8 @@ def without_unused(lines: tuple[Line, ...], later: set[str] | None = None) -> tu
             continue
         if isinstance(line, When):
             line = When(line.condition, without_unused(line.then, used), without_unused(line.otherwise, used))
+        elif isinstance(line, Block):
+            line = Block(without_unused(line.body, used))
         elif isinstance(line, Count):
             line = Count(line.name, line.start, line.end, without_unused(line.body, used | names_in(line.body)))
         used |= names_in(line)

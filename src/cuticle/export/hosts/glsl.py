@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from types import MappingProxyType
 
+from cuticle.export.family import family_shader
 from cuticle.export.formulas import Printer
 from cuticle.export.formulas.tree import Node, Record, Vector
 from cuticle.export.registry import Host
@@ -64,6 +65,7 @@ DIALECT = Dialect(
 HOST = Host(
     "GLSL ES 3.00 and 4.50, without loops of varying length",
     lambda job: shader(job, DIALECT),
+    lambda job: family_shader(job, DIALECT),
     textured=True,
     reserved=GLSL,
     reserved_prefixes=("gl_",),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from cuticle.export.family import family_shader
 from cuticle.export.formulas import Printer
 from cuticle.export.formulas.tree import Instance, Node, Record, Vector
 from cuticle.export.registry import Host
@@ -71,4 +72,11 @@ DIALECT = Dialect(
     texture="Texture2D<float4> {name}_model;",
     fetch="{name}_model.Load(int3((i) % {width}, (i) / {width}, 0))",
 )
-HOST = Host("the same in HLSL", lambda job: shader(job, DIALECT), textured=True, reserved=HLSL, reserved_prefixes=("SV_",))
+HOST = Host(
+    "the same in HLSL",
+    lambda job: shader(job, DIALECT),
+    lambda job: family_shader(job, DIALECT),
+    textured=True,
+    reserved=HLSL,
+    reserved_prefixes=("SV_",),
+)
