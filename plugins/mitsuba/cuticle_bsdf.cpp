@@ -159,6 +159,6 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
     MI_TRAVERSE_CB(Base, m_direct, m_spread, m_lobes, m_azimuth, m_through_behind, m_averages, m_rest)
 };
 
-CUTICLE_EXPORT_PLUGIN(CuticleBSDF)
+CUTICLE_EXPORT_PARTS(CuticleBSDF)
 
 NAMESPACE_END(mitsuba)

@@ -257,6 +257,6 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
                    m_mean)
 };
 
-CUTICLE_EXPORT_PLUGIN(CuticleFar)
+CUTICLE_EXPORT_PARTS(CuticleFar)
 
 NAMESPACE_END(mitsuba)
