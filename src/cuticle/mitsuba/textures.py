@@ -11,10 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cuticle.mitsuba.strand_values import attribute_values
-from cuticle.scattering.any_fibre import TEXTURED, Parameter
+from cuticle.scattering.any_fibre import FORMS, TEXTURED, Parameter
 
 PIGMENTS = ("eumelanin", "pheomelanin")
 COLOURS = ("sigma_a", "color")  # of three channels
+# What the plugin holds a texture to.
+_RANGES = {name: (p.low, p.high) for form in FORMS.values() for name, p in form.items()} | {
+    "sigma_a": (0, 1000), "color": (1e-4, 1), **dict.fromkeys(PIGMENTS, (0, 100))
+}  # fmt: skip
 _GRID = (np.arange(16) + 0.5) / 16  # where a texture is looked at, over uv
 _PRIMARIES = (610.0, 550.0, 450.0, 450.0)  # nm: red, green, blue
 
@@ -25,28 +29,32 @@ def textures_of(props: Any, given: Mapping[str, Any]) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        A parameter that must be a number is one.
+        A parameter that must be a number is one, or a texture reads the shape.
     """
-    kinds = (mi.Properties.Type.Object, mi.Properties.Type.Spectrum)
-    found = {name: value for name, value in given.items() if props.type(name) in kinds}
-    for name in found:
+    found = {name: value for name, value in given.items() if props.type(name) == mi.Properties.Type.Object}
+    spectra = [name for name in given if props.type(name) == mi.Properties.Type.Spectrum]
+    found |= {name: props.get_unbounded_texture(name) for name in spectra}
+    for name, texture in found.items():
         if name not in TEXTURED:
             raise ValueError(f"{name} must not be a texture; these may: scale, {', '.join(TEXTURED)}")
+        if "MeshAttribute" in str(texture):  # in another texture, too: Mitsuba crashes where one has no shape
+            raise ValueError(
+                f"{name} must not be a mesh_attribute: its mean is not known before the shape; use the texture itself"
+            )
     return found
 
 
 def mean_of(name: str, texture: Any) -> Any:
     """Return the mean of a texture over a strand's files or over uv, as a scene would give it: a number or a colour."""
     values = attribute_values(texture)
-    mean = _over_uv(texture) if values is None else values.mean(axis=(0, 1))
-    if values is not None and len(mean) > 1 and name not in COLOURS:
-        raise ValueError(f"{name} takes one value a strand or a point, this attribute has {len(mean)}")
-    mean = np.maximum(mean, 1e-4 if name == "color" else 0)
-    if name == "color":
-        mean = np.minimum(mean, 1)
+    if values is None:
+        values = _over_uv(texture, name in COLOURS)
+    elif values.shape[-1] > 1 and name not in COLOURS:
+        raise ValueError(f"{name} takes one value a strand or a point, this attribute has {values.shape[-1]}")
+    mean = np.clip(values, *_RANGES[name]).reshape(-1, values.shape[-1]).mean(axis=0)
     if name in COLOURS:
         return mi.ScalarColor3d(*np.broadcast_to(mean, 3).tolist())
-    return float(mean.mean())
+    return float(mean[0])
 
 
 def warn_outside(name: str, texture: Any, allowed: Parameter) -> None:
@@ -62,13 +70,14 @@ def warn_outside(name: str, texture: Any, allowed: Parameter) -> None:
         )
 
 
-def _over_uv(texture: Any) -> NDArray[np.float64]:
+def _over_uv(texture: Any, colour: bool) -> NDArray[np.float64]:
+    """What the plugin asks of a texture, (points, channels)."""
     points = [(0.5, 0.5)] if not texture.is_spatially_varying() else [(float(u), float(v)) for u in _GRID for v in _GRID]
-    total = np.zeros(3)
+    values = []
     for u, v in points:
         si = mi.SurfaceInteraction3f()
         si.uv = mi.Point2f(u, v)
         if mi.is_spectral:
             si.wavelengths = type(si.wavelengths)(*_PRIMARIES)
-        total += np.ravel(np.array(texture.eval(si)))[:3]
-    return total / len(points)
+        values.append(np.ravel(np.array(texture.eval(si) if colour else texture.eval_1(si)))[:3])
+    return np.array(values, np.float64)
