@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -226,7 +227,7 @@ def test_draws_among_strands_follow_their_density(given: dict[str, Any], use_var
     def seen(theta_r: float, count: int) -> Any:
         si = dr.zeros(mi.SurfaceInteraction3f, count)
         si.uv, si.duv_dx, si.duv_dy = mi.Point2f(0.01, 0.5), mi.Vector2f(2, 0), mi.Vector2f(HALF_SPACE, 0)
-        si.wi = mi.Vector3f(np.cos(theta_r), np.sin(theta_r), 0)
+        si.wi = mi.Vector3f(math.cos(theta_r), math.sin(theta_r), 0)
         return si
 
     def sample(theta_r: float, u: np.ndarray) -> Any:
