@@ -146,7 +146,7 @@ def ess_by_samples(form: str, fibre: Any, theta_r: float, rng: np.random.Generat
 
 
 def falcor(path: Path) -> list[tuple[Any, float]]:
-    """Every tenth of its fibres and viewers; the file's columns are told in docs/family.md."""
+    """Every tenth of its fibres and viewers; its 17 columns: beta_m, beta_n, alpha, eta, sigma_a, h, wi, wo, f."""
     columns = np.fromfile(path, "<f4").reshape(17, -1)[:, ::10].astype(float)
     return [
         (cuticle.Chiang(beta_m=m, beta_n=n, alpha=-a, eta=eta, sigma_a=(r, g, b)), float(np.arcsin(np.clip(x, -1, 1))))

@@ -211,8 +211,8 @@ def test_a_strand_unlike_the_others_is_the_last_to_scatter(
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "given",
-    [CHIANG, MARSCHNER | {"eumelanin": "texture"}, {"beta_m": 0.05, "beta_n": 0.05, "sigma_a": 0.02}],
-    ids=["chiang", "a white strand among dark ones", "smooth"],
+    [MARSCHNER | {"eumelanin": "texture"}, {"beta_m": 0.05, "beta_n": 0.05, "sigma_a": 0.02}],
+    ids=["a white strand among dark ones", "smooth"],
 )
 def test_draws_among_strands_follow_their_density(given: dict[str, Any], use_variant: UseVariant) -> None:
     mi = use_variant("llvm_ad_rgb")
@@ -242,9 +242,9 @@ def test_draws_among_strands_follow_their_density(given: dict[str, Any], use_var
         wo = mi.Vector3f(np.cos(t) * np.cos(p), np.sin(t), np.cos(t) * np.sin(p))
         return np.array(bsdf.pdf(context, seen(theta_r, t.size), wo), float).reshape(theta_i.shape)
 
-    viewers = np.radians([0, -60, 80])
-    assert cuticle.audit(sample, pdf, theta_r=viewers, samples=200_000).ok
-    wrong = cuticle.audit(sample, lambda t, r, p: pdf(t, r, p, 0.05), theta_r=viewers[:1], samples=200_000)
+    viewers = np.radians([0, -75])
+    assert cuticle.audit(sample, pdf, theta_r=viewers, samples=100_000).ok
+    wrong = cuticle.audit(sample, lambda t, r, p: pdf(t, r, p, 0.05), theta_r=viewers[:1], samples=100_000)
     assert not wrong.ok
 
 
@@ -253,7 +253,6 @@ def test_draws_among_strands_follow_their_density(given: dict[str, Any], use_var
     ("given", "name", "step"),
     [
         ({"near": True, "beta_m": 0.3, "beta_n": 0.3, "color": (0.8, 0.5, 0.3)}, "beta_n", 0.01),
-        ({"beta_m": 0.3, "beta_n": 0.3, "color": (0.8, 0.5, 0.3)}, "beta_n", 0.01),
         (MARSCHNER, "alpha_R", 0.1),  # TT and TRT follow
         (CHIANG, "eumelanin", 0.02),
     ],

@@ -30,7 +30,8 @@ template <typename Float, typename Spectrum> class FibreBSDF : public AbsorbingH
         const bool changed = set_numbers(scene);
         if (changed) {
             try {
-                this->adopt(static_cast<const FibreBSDF &>(*PluginManager::instance()->create_object<mitsuba::BSDF<Float, Spectrum>>(scene)));
+                this->adopt(static_cast<const FibreBSDF &>(
+                    *PluginManager::instance()->create_object<mitsuba::BSDF<Float, Spectrum>>(scene)));
             } catch (...) {
                 for (size_t k = 0; k < m_slots.size(); ++k) m_values[k] = m_slots[k].made;
                 throw;
@@ -79,7 +80,9 @@ template <typename Float, typename Spectrum> class FibreBSDF : public AbsorbingH
         m_varies = varies;
         m_pigments = m_absorption_of[0] ? 2 : 0;
         const std::string made_by = props.get<std::string>("absorption_from");
-        m_made_by = made_by == "color" ? Absorption::color : made_by == "pigments" ? Absorption::pigments : Absorption::sigma_a;
+        m_made_by = made_by == "color"      ? Absorption::color
+                    : made_by == "pigments" ? Absorption::pigments
+                                            : Absorption::sigma_a;
     }
 
     UnpolarizedSpectrum scattered(const BSDFContext &ctx, const SurfaceInteraction3f &si, const Float &theta_i,

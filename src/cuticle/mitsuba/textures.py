@@ -46,11 +46,10 @@ def textures_of(props: Any, given: Mapping[str, Any]) -> dict[str, Any]:
 
 def mean_of(name: str, texture: Any) -> Any:
     """Return the mean of a texture over a strand's files or over uv, as a scene would give it: a number or a colour."""
-    values = attribute_values(texture)
-    if values is None:
-        values = _over_uv(texture, name in COLOURS)
-    elif values.shape[-1] > 1 and name not in COLOURS:
-        raise ValueError(f"{name} takes one value a strand or a point, this attribute has {values.shape[-1]}")
+    found = attribute_values(texture)
+    if found is not None and found.shape[-1] > 1 and name not in COLOURS:
+        raise ValueError(f"{name} takes one value a strand or a point, this attribute has {found.shape[-1]}")
+    values = (_over_uv(texture, name in COLOURS) if found is None else found).astype(np.float64)
     mean = np.clip(values, *_RANGES[name]).reshape(-1, values.shape[-1]).mean(axis=0)
     if name in COLOURS:
         return mi.ScalarColor3d(*np.broadcast_to(mean, 3).tolist())
@@ -70,7 +69,7 @@ def warn_outside(name: str, texture: Any, allowed: Parameter) -> None:
         )
 
 
-def _over_uv(texture: Any, colour: bool) -> NDArray[np.float64]:
+def _over_uv(texture: Any, colour: bool) -> NDArray[np.floating[Any]]:
     """What the plugin asks of a texture, (points, channels)."""
     points = [(0.5, 0.5)] if not texture.is_spatially_varying() else [(float(u), float(v)) for u in _GRID for v in _GRID]
     values = []
@@ -80,4 +79,4 @@ def _over_uv(texture: Any, colour: bool) -> NDArray[np.float64]:
         if mi.is_spectral:
             si.wavelengths = type(si.wavelengths)(*_PRIMARIES)
         values.append(np.ravel(np.array(texture.eval(si) if colour else texture.eval_1(si)))[:3])
-    return np.array(values, np.float64)
+    return np.array(values)
