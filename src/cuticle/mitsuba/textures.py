@@ -11,14 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cuticle.mitsuba.strand_values import attribute_values
-from cuticle.scattering.any_fibre import FORMS, TEXTURED, Parameter
+from cuticle.scattering.any_fibre import TEXTURED, Parameter
 
 PIGMENTS = ("eumelanin", "pheomelanin")
-COLOURS = ("sigma_a", "color")  # of three channels
-# What the plugin holds a texture to.
-_RANGES = {name: (p.low, p.high) for form in FORMS.values() for name, p in form.items()} | {
-    "sigma_a": (0, 1000), "color": (1e-4, 1), **dict.fromkeys(PIGMENTS, (0, 100))
-}  # fmt: skip
+COLOURS = {"sigma_a": (0, 1000), "color": (1e-4, 1)}  # of three channels, and what the plugin holds them to
 _GRID = (np.arange(16) + 0.5) / 16  # where a texture is looked at, over uv
 _PRIMARIES = (610.0, 550.0, 450.0, 450.0)  # nm: red, green, blue
 
@@ -50,10 +46,10 @@ def mean_of(name: str, texture: Any) -> Any:
     if found is not None and found.shape[-1] > 1 and name not in COLOURS:
         raise ValueError(f"{name} takes one value a strand or a point, this attribute has {found.shape[-1]}")
     values = (_over_uv(texture, name in COLOURS) if found is None else found).astype(np.float64)
-    mean = np.clip(values, *_RANGES[name]).reshape(-1, values.shape[-1]).mean(axis=0)
-    if name in COLOURS:
-        return mi.ScalarColor3d(*np.broadcast_to(mean, 3).tolist())
-    return float(mean[0])
+    if name not in COLOURS:
+        return float(values[..., 0].mean())
+    mean = np.clip(values, *COLOURS[name]).reshape(-1, values.shape[-1]).mean(axis=0)
+    return mi.ScalarColor3d(*np.broadcast_to(mean, 3).tolist())
 
 
 def warn_outside(name: str, texture: Any, allowed: Parameter) -> None:
