@@ -11,6 +11,7 @@ import pytest
 import cuticle
 from cuticle import Chiang, Fibre, Marschner
 from cuticle._support.quadrature import gauss_legendre
+from cuticle.checking.verdicts import sidak
 
 CHIANG, MARSCHNER = cuticle.family("chiang"), cuticle.family("marschner")
 REC709 = np.array([0.2126, 0.7152, 0.0722])
@@ -88,21 +89,54 @@ def test_samples_follow_the_density(case: tuple[cuticle.Family, dict[str, Any]],
     assert not wrong.ok
 
 
-def test_no_parameter_and_no_random_number_gives_what_is_no_direction() -> None:
+@pytest.mark.slow
+@pytest.mark.parametrize("form", ["chiang", "marschner"])
+@pytest.mark.parametrize(("dtype", "fibres", "samples"), [(np.float32, 100, 300_000), (np.float64, 10, 100_000)])
+def test_samples_of_fibres_all_over_the_box_follow_their_densities(form: str, dtype: Any, fibres: int, samples: int) -> None:
+    """One family of tests at 1e-3; every tenth fibre's inclinations, 5 % too small, are found out."""
+    rng, family = np.random.default_rng(fibres), cuticle.family(form)
+    level = sidak(1e-3, 220)
+    for k in range(fibres):
+        sampler, theta_r = family.sampler_at(random_fibre(form, rng)[0]), rng.uniform(-1, 1) * np.radians(85)
+
+        def sample(tr: float, u: np.ndarray, scale: float = 1, sampler: Any = sampler) -> Any:
+            theta_i, phi, p = sampler.sample(dtype(tr), np.minimum(u, 1 - 2.0**-24).astype(dtype))
+            return theta_i * dtype(scale), phi, p
+
+        def pdf(theta_i: np.ndarray, tr: float, phi: np.ndarray, sampler: Any = sampler) -> np.ndarray:
+            return sampler.pdf(theta_i.astype(dtype), dtype(tr), phi.astype(dtype))
+
+        audit = cuticle.audit(sample, pdf, theta_r=[theta_r], samples=samples, level=level, seed=k)
+        assert audit.ok, (sampler, theta_r, audit)
+        if k % 10 == 0:
+            wrong = cuticle.audit(lambda t, u: sample(t, u, 0.95), pdf, theta_r=[theta_r], samples=samples, level=level)
+            assert not wrong.ok, (sampler, theta_r)
+
+
+@pytest.mark.parametrize(
+    ("family", "ranges"),
+    [
+        (CHIANG, {"beta_m": (0.05, 1.0), "beta_n": (0.05, 1.0), "alpha": (-20.0, 20.0)}),
+        (MARSCHNER, {"beta_R": (0.5, 45.0), "beta_N": (1.0, 45.0), "alpha_R": (-30.0, 30.0)}),
+    ],
+)
+def test_no_parameter_and_no_random_number_gives_what_is_no_direction(
+    family: cuticle.Family, ranges: dict[str, tuple[float, float]]
+) -> None:
     """All corners of the box, viewers along the strand, random numbers at their ends, both precisions."""
-    corners = [0.05, 1.0], [0.05, 1.0], [-20.0, 20.0], [1.05, 3.0], [0.0, 1000.0]
-    beta_m, beta_n, alpha, eta, sigma_a = (x.reshape(-1, 1, 1) for x in np.meshgrid(*corners))
+    corners = ranges | {"eta": (1.05, 3.0), "sigma_a": (0.0, 1000.0)}
+    values = dict(zip(corners, (x.reshape(-1, 1, 1) for x in np.meshgrid(*corners.values())), strict=True))
+    values["sigma_a"] = values["sigma_a"][..., None]
     theta_r = np.array([-np.pi / 2, -1.5, 0, np.pi / 2])[:, None]
     for dtype, last in ((np.float64, 1 - 2.0**-53), (np.float32, 1 - 2.0**-24)):
         u = np.array(np.meshgrid(*[[0, 1e-30, 0.5, last]] * 3), dtype).reshape(3, -1).T
-        values = dict(beta_m=beta_m, beta_n=beta_n, alpha=alpha, eta=eta, sigma_a=sigma_a[..., None])
-        s = CHIANG.sample(theta_r.astype(dtype), u, **values)
+        s = family.sample(theta_r.astype(dtype), u, **values)
         assert s.pdf.dtype == dtype
         assert np.isfinite(np.array(s)).all()
         assert (np.abs(s.theta_i) <= np.pi / 2).all()
         assert (np.abs(s.phi) <= np.pi + 1e-6).all()
         assert (s.pdf >= 0).all()
-        f, p = CHIANG.eval_pdf(s.theta_i, theta_r.astype(dtype), s.phi, **values)
+        f, p = family.eval_pdf(s.theta_i, theta_r.astype(dtype), s.phi, **values)
         assert np.isfinite(f).all()
         np.testing.assert_array_equal(p, s.pdf)
 

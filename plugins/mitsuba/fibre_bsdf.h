@@ -41,8 +41,8 @@ template <typename Float, typename Spectrum> class FibreBSDF : public AbsorbingH
         const bool sigma_a = std::any_of(keys.begin(), keys.end(), [](auto &key) { return key.rfind("sigma_a", 0) == 0; });
         if constexpr (dr::is_diff_v<Float>) {
             m_attached = false;
-            for (size_t k = m_color ? roughness : m_parameters; k < m_parameters + m_pigments + (m_color ? 1 : 0); ++k)
-                m_attached |= !sigma_a && dr::grad_enabled(m_values[k]);
+            const size_t first = m_color ? roughness : m_parameters, count = m_color ? 1 : m_pigments;
+            for (size_t k = first; k < first + count; ++k) m_attached |= !sigma_a && dr::grad_enabled(m_values[k]);
         }
     }
 
@@ -144,12 +144,12 @@ template <typename Float, typename Spectrum> class FibreBSDF : public AbsorbingH
             made = raw(m_parameters, si, active) * m_absorption_of[0]->eval(si, active) +
                    raw(m_parameters + 1, si, active) * m_absorption_of[1]->eval(si, active);
         } else if (m_made_by == Absorption::color || (m_color && m_attached)) {
-            const UnpolarizedSpectrum color = dr::clip(m_color->eval(si, active), ScalarFloat(1e-4), ScalarFloat(1));
+            const UnpolarizedSpectrum color = held(m_color->eval(si, active), ScalarFloat(1e-4), 1);
             made = dr::square(dr::log(color) / cuticle::color_divisor(parameter(roughness, si, active)));
         } else {
             made = m_sigma_a->eval(si, active);
         }
-        return dr::clip(made * m_scale->eval(si, active), ScalarFloat(0), ScalarFloat(1000));
+        return held(made * m_scale->eval(si, active), 0, 1000);
     }
 
     // What the density weighs each channel with.
@@ -180,9 +180,14 @@ template <typename Float, typename Spectrum> class FibreBSDF : public AbsorbingH
         }
     }
 
+    // What is no number is held to the least.
+    template <class Value> static Value held(const Value &x, ScalarFloat low, ScalarFloat high) {
+        return dr::select(x >= low, dr::minimum(x, Value(high)), Value(low));
+    }
+
     Float raw(size_t k, const SurfaceInteraction3f &si, const Mask &active) const {
         const Slot &slot = m_slots[k];
-        if (m_textures[k]) return dr::clip(m_textures[k]->eval_1(si, active), slot.low, slot.high);
+        if (m_textures[k]) return held(m_textures[k]->eval_1(si, active), slot.low, slot.high);
         if (slot.follows >= 0) return slot.factor * raw(size_t(slot.follows), si, active);
         return m_values[k];
     }

@@ -91,12 +91,16 @@ def _absorption(props: Any, fibre: Fibre | Chiang, textures: Mapping[str, Any]) 
     props["absorption"] = "" if textures.keys() & set(COLOURS) else str(fibre.absorption)
 
 
-def mean_fibre(fibre: Fibre | Chiang, scale: Any, tables: Any) -> Fibre | Chiang:
-    """Return the fibre that other strands are taken for: the material's, with the mean of its absorption as it is now."""
+def _mean_absorption(fibre: Fibre | Chiang, scale: Any, tables: Any) -> Array:
+    """Return the mean of the absorption as it is now, of the three primaries."""
     sigma_a = np.broadcast_to(fibre.absorption if tables is True else list(mean_of("sigma_a", tables)), 3)
     if scale is not None:
         sigma_a = sigma_a * (scale if isinstance(scale, (int, float)) else list(mean_of("sigma_a", scale)))
-    sigma_a = np.clip(sigma_a, 0, 1000)
+    return np.clip(sigma_a, 0, 1000)
+
+
+def _mean_fibre(fibre: Fibre | Chiang, sigma_a: Array) -> Fibre | Chiang:
+    """Return the fibre that other strands are taken for: the material's, with a channel for each absorption."""
     if sigma_a.max() - sigma_a.min() < 1e-6:
         sigma_a = sigma_a[:1]
     elif mi.is_spectral:  # a wavelength falls between two of them
@@ -106,7 +110,8 @@ def mean_fibre(fibre: Fibre | Chiang, scale: Any, tables: Any) -> Fibre | Chiang
 
 
 def _tables(props: Any, fibre: Fibre | Chiang, scale: Any, tables: Any) -> None:
-    mean = mean_fibre(fibre, scale, tables)
+    sigma_a = _mean_absorption(fibre, scale, tables)
+    mean = _mean_fibre(fibre, sigma_a)
     if min(mean.absorption) <= 0:  # light that is never absorbed leaves multiple scattering without a sum
         return
     through, own = through_tables(mean), own_energies(mean)
@@ -123,7 +128,7 @@ def _tables(props: Any, fibre: Fibre | Chiang, scale: Any, tables: Any) -> None:
     alpha, beta = mean.half_angle_lobes if isinstance(mean, Chiang) else (mean.alpha, mean.beta)
     props["mean_tilt"], props["mean_variance"] = mi.ScalarVector3d(*(2 * alpha)), mi.ScalarVector3d(*(4 * beta**2))
     props["mean_sigma_a"] = mi.ScalarVector3d(*np.broadcast_to(mean.absorption, 3).tolist())
-    props["mean_absorption"] = spectrum(mean.absorption)
+    props["mean_absorption"] = spectrum(tuple(sigma_a.tolist()))
 
 
 class DrawTables(NamedTuple):

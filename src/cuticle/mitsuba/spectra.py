@@ -24,7 +24,7 @@ def spectrum(values: tuple[float, ...]) -> Any:
         return values[0]
     if mi.is_rgb:
         return mi.ScalarColor3d(*values)
-    red, green, blue = values
+    red, green, blue = np.maximum(values, 1e-20)  # Mitsuba takes no spectrum of 0
     steps = (blue, blue, green, green, red, red)
     return mi.load_dict(
         {"type": "irregular", "wavelengths": ", ".join(map(str, _WAVELENGTHS)), "values": ", ".join(map(str, steps))}

@@ -14,7 +14,7 @@ from cuticle.mitsuba.strand_values import attribute_values
 from cuticle.scattering.any_fibre import TEXTURED, Parameter
 
 PIGMENTS = ("eumelanin", "pheomelanin")
-COLOURS = ("sigma_a", "color")  # of three channels
+COLOURS = {"sigma_a": (0, 1000), "color": (1e-4, 1)}  # of three channels, and what the plugin holds them to
 _GRID = (np.arange(16) + 0.5) / 16  # where a texture is looked at, over uv
 _PRIMARIES = (610.0, 550.0, 450.0, 450.0)  # nm: red, green, blue
 
@@ -25,34 +25,31 @@ def textures_of(props: Any, given: Mapping[str, Any]) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        A parameter that must be a number is one.
+        A parameter that must be a number is one, or a texture reads the shape.
     """
-    kinds = (mi.Properties.Type.Object, mi.Properties.Type.Spectrum)
-    found = {name: value for name, value in given.items() if props.type(name) in kinds}
-    for name in found:
+    found = {name: value for name, value in given.items() if props.type(name) == mi.Properties.Type.Object}
+    spectra = [name for name in given if props.type(name) == mi.Properties.Type.Spectrum]
+    found |= {name: props.get_unbounded_texture(name) for name in spectra}
+    for name, texture in found.items():
         if name not in TEXTURED:
             raise ValueError(f"{name} must not be a texture; these may: scale, {', '.join(TEXTURED)}")
+        if "MeshAttribute" in str(texture):  # in another texture, too: Mitsuba crashes where one has no shape
+            raise ValueError(
+                f"{name} must not be a mesh_attribute: its mean is not known before the shape; use the texture itself"
+            )
     return found
 
 
 def mean_of(name: str, texture: Any) -> Any:
     """Return the mean of a texture over a strand's files or over uv, as a scene would give it: a number or a colour."""
-    if not isinstance(texture, mi.Texture):  # a spectrum, as the scene's file has it
-        mean = np.interp(_PRIMARIES[:3], texture.wavelengths, texture.values) if texture.wavelengths else texture.values[:1]
-        return _as_given(name, np.array(mean))
-    values = attribute_values(texture)
-    mean = _over_uv(texture) if values is None else values.mean(axis=(0, 1))
-    if values is not None and len(mean) > 1 and name not in COLOURS:
-        raise ValueError(f"{name} takes one value a strand or a point, this attribute has {len(mean)}")
-    return _as_given(name, mean)
-
-
-def _as_given(name: str, mean: NDArray[np.float64]) -> Any:
-    if name == "color":
-        mean = np.clip(mean, 1e-4, 1)
-    if name in COLOURS:
-        return mi.ScalarColor3d(*np.broadcast_to(mean, 3).tolist())
-    return float(mean.mean())
+    found = attribute_values(texture)
+    if found is not None and found.shape[-1] > 1 and name not in COLOURS:
+        raise ValueError(f"{name} takes one value a strand or a point, this attribute has {found.shape[-1]}")
+    values = (_over_uv(texture, name in COLOURS) if found is None else found).astype(np.float64)
+    if name not in COLOURS:
+        return float(values[..., 0].mean())
+    mean = np.clip(values, *COLOURS[name]).reshape(-1, values.shape[-1]).mean(axis=0)
+    return mi.ScalarColor3d(*np.broadcast_to(mean, 3).tolist())
 
 
 def warn_outside(name: str, texture: Any, allowed: Parameter) -> None:
@@ -68,13 +65,14 @@ def warn_outside(name: str, texture: Any, allowed: Parameter) -> None:
         )
 
 
-def _over_uv(texture: Any) -> NDArray[np.float64]:
+def _over_uv(texture: Any, colour: bool) -> NDArray[np.floating[Any]]:
+    """What the plugin asks of a texture, (points, channels)."""
     points = [(0.5, 0.5)] if not texture.is_spatially_varying() else [(float(u), float(v)) for u in _GRID for v in _GRID]
-    total = np.zeros(3)
+    values = []
     for u, v in points:
         si = mi.SurfaceInteraction3f()
         si.uv = mi.Point2f(u, v)
         if mi.is_spectral:
             si.wavelengths = type(si.wavelengths)(*_PRIMARIES)
-        total += np.ravel(np.array(texture.eval(si)))[:3]
-    return total / len(points)
+        values.append(np.ravel(np.array(texture.eval(si) if colour else texture.eval_1(si)))[:3])
+    return np.array(values)
