@@ -39,7 +39,7 @@ from cuticle.mitsuba.build import build  # noqa: E402 - where Mitsuba is absent,
 from cuticle.mitsuba.material import Material, read_material  # noqa: E402
 from cuticle.mitsuba.parameters import Parameters  # noqa: E402
 from cuticle.mitsuba.strand_values import make_texture, strand_texture  # noqa: E402
-from cuticle.mitsuba.textures import mean_of, textures_of  # noqa: E402
+from cuticle.mitsuba.textures import mean_of, refuse_mesh, textures_of  # noqa: E402
 
 
 def plugin_folder() -> Path:
@@ -101,6 +101,7 @@ def _make_bsdf(props: Any) -> Any:
     given = {name: props[name] for name in props.keys()}  # noqa: SIM118 - Mitsuba's, not a dict
     scale, tables = given.pop("scale", None), given.pop("strand_tables", None)
     textures = textures_of(props, given)
+    refuse_mesh("scale", scale)
     given |= {name: mean_of(name, texture) for name, texture in textures.items()}  # which stands for it
     material, asked = read_material(given), Parameters(**given)
     # Files as they are found now: beside the scene's file, while it is loaded. Another sampling would be another plugin.

@@ -25,7 +25,7 @@ def textures_of(props: Any, given: Mapping[str, Any]) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        A parameter that must be a number is one, or a texture reads the shape.
+        A parameter that must be a number is one, or a texture reads a mesh.
     """
     found = {name: value for name, value in given.items() if props.type(name) == mi.Properties.Type.Object}
     spectra = [name for name in given if props.type(name) == mi.Properties.Type.Spectrum]
@@ -33,11 +33,14 @@ def textures_of(props: Any, given: Mapping[str, Any]) -> dict[str, Any]:
     for name, texture in found.items():
         if name not in TEXTURED:
             raise ValueError(f"{name} must not be a texture; these may: scale, {', '.join(TEXTURED)}")
-        if "MeshAttribute" in str(texture):  # in another texture, too: Mitsuba crashes where one has no shape
-            raise ValueError(
-                f"{name} must not be a mesh_attribute: its mean is not known before the shape; use the texture itself"
-            )
+        refuse_mesh(name, texture)
     return found
+
+
+def refuse_mesh(name: str, texture: Any) -> None:
+    """Raise ValueError for what reads a mesh, in another texture, too: without its shape Mitsuba crashes."""
+    if "MeshAttribute" in str(texture):
+        raise ValueError(f"{name} must not be a mesh_attribute, which no curve has; use cuticle_strands")
 
 
 def mean_of(name: str, texture: Any) -> Any:
