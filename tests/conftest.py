@@ -30,10 +30,11 @@ COUNTS = (0.0, 1.0, 2.0, 4.0, 8.0)
 
 SLOW_EXAMPLES = ("cuticle.draft.document.document",)  # of docstrings: test_document.py calls it
 
-# Files whose tests one process runs, for it keeps what they fit and tabulate: the presets' BSDFs; the draft's document and
-# brown hair's sampler.
+# Files whose tests one process runs, for it keeps what they fit and tabulate: the presets' lobes; light through the presets;
+# the draft's document and brown hair's sampler.
 TOGETHER = (
-    ("test_mitsuba.py", "test_dual_scattering_integrator.py", "test_mitsuba_functions.py", "test_render.py"),
+    ("test_mitsuba.py", "test_mitsuba_functions.py"),
+    ("test_dual_scattering_integrator.py", "test_render.py"),
     ("test_document.py", "test_document_figures.py", "test_report.py", "test_examples.py", "test_web.py"),
 )
 
