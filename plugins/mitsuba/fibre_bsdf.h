@@ -44,6 +44,7 @@ template <typename Float, typename Spectrum> class FibreBSDF : public AbsorbingH
             const size_t first = m_color ? roughness : m_parameters, count = m_color ? 1 : m_pigments;
             for (size_t k = first; k < first + count; ++k) m_attached |= !sigma_a && dr::grad_enabled(m_values[k]);
         }
+        make_opaque();
     }
 
   protected:
@@ -79,6 +80,7 @@ template <typename Float, typename Spectrum> class FibreBSDF : public AbsorbingH
         if (m_color) varies |= m_color->is_spatially_varying();
         m_varies = varies;
         m_pigments = m_absorption_of[0] ? 2 : 0;
+        make_opaque();
         const std::string made_by = props.get<std::string>("absorption_from");
         m_made_by = made_by == "color"      ? Absorption::color
                     : made_by == "pigments" ? Absorption::pigments
@@ -170,6 +172,12 @@ template <typename Float, typename Spectrum> class FibreBSDF : public AbsorbingH
         ScalarFloat factor;           // times that of R, which a default follows
         int follows;                  // whose place this is; none where negative
     };
+
+    // Another number is no other kernel.
+    void make_opaque() {
+        if constexpr (dr::is_jit_v<Float>)
+            for (Float &value : m_values) dr::make_opaque(value);
+    }
 
     static ScalarFloat scalar(const Float &x) {
         if constexpr (dr::is_jit_v<Float>) {
