@@ -114,7 +114,8 @@ def _variation(given: list[str]) -> dict[str, Any]:
             raise ValueError(f"--vary takes NAME=NUMBER, such as melanin=1.3, or dye=R,G,B; got {text!r}") from None
         if name not in VARIATIONS:
             raise ValueError(f"--vary has no {name!r}; it has {', '.join(VARIATIONS)}")
-        out[name] = numbers if name == "dye" else int(numbers[0]) if name == "seed" else numbers[0]
+        first = int(numbers[0]) if name == "seed" and numbers[0].is_integer() else numbers[0]
+        out[name] = numbers if name == "dye" or len(numbers) > 1 else first  # several, or part of a seed, vary refuses
     return out
 
 

@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cuticle.mitsuba.material import Material
+from cuticle.mitsuba.parameters import changeable
 from cuticle.mitsuba.spectra import spectrum, tensor
 from cuticle.mitsuba.textures import COLOURS, PIGMENTS, mean_of, warn_outside
 from cuticle.scattering import conventions
 from cuticle.scattering.any_fibre import DEGREES, FORMS, OF_R, Parameter
 from cuticle.scattering.bcsdf import luminance_weights
 from cuticle.scattering.chiang import RANGES, Chiang
-from cuticle.scattering.fibre import LOBES, Fibre
+from cuticle.scattering.fibre import Fibre
 from cuticle.scattering.through_strands import AZIMUTH_ROWS, COUNTED_2, own_energies, passed_through, through_tables
 
 Array = NDArray[np.float64]
@@ -36,7 +37,7 @@ def closed_form(material: Material, textures: Mapping[str, Any], scale: Any, tab
     shape = FORMS[form]
     if material.near:  # whose closed forms hold beyond the far field's cells
         shape = {name: Parameter(*RANGES[name][:2], None, p.unit) for name, p in shape.items()}
-    values, set_by_user = _values(fibre)
+    values, set_by_user = changeable(fibre), fibre.model_dump(exclude_none=True)
     _absorption(props, fibre, textures)
     slots = dict(shape)
     if props["absorption_from"] == "pigments" or _of_pigments(fibre):
@@ -61,15 +62,6 @@ def closed_form(material: Material, textures: Mapping[str, Any], scale: Any, tab
     if tables is not None:
         _tables(props, fibre, scale, tables)
     return props
-
-
-def _values(fibre: Fibre | Chiang) -> tuple[dict[str, float], set[str]]:
-    """Numbers by their names in a scene, and those that do not follow others."""
-    if isinstance(fibre, Chiang):
-        return {name: getattr(fibre, name) for name in FORMS["chiang"]}, set(FORMS["chiang"])
-    degrees = zip(("alpha", "beta"), np.degrees([fibre.alpha, fibre.beta]).tolist(), strict=True)
-    values = {f"{name}_{lobe}": x for name, row in degrees for lobe, x in zip(LOBES, row, strict=True)}
-    return values | {"beta_N": fibre.beta_N, "eta": fibre.eta}, set(fibre.model_dump(exclude_none=True))
 
 
 def _of_pigments(fibre: Fibre | Chiang) -> bool:
