@@ -7,7 +7,7 @@ interleaved rounds on one thread in single precision (g++ -O3 -march=native), in
 
 `--box N` tells the ESS of N fibres a family instead; `--falcor FILE` that of every tenth fibre and viewer of the 50,000 of
 Falcor's tests. The function is then the near field, averaged over the width by 500 Gauss-Legendre nodes: no cells, no
-tables.
+tables. `--strands N`: that of N fibres a family through 1, 2, 4 and 8 strands.
 """
 
 from __future__ import annotations
@@ -179,6 +179,26 @@ def box(fibres: int, path: Path | None) -> None:
     out.print(listing)
 
 
+def strands(fibres: int) -> None:
+    """Print ESS through strands like the fibre itself, of which `DualScattering` and `Strands` have tables of their own."""
+    rng = np.random.default_rng(3)
+    listing = table("ESS through strands, viewers within 75°")
+    for column in ("fibres", "number", "strands", "mean", "worst"):
+        listing.add_column(column, justify="left" if column == "fibres" else "right")
+    for form in ("chiang", "marschner"):
+        found: dict[int, list[float]] = {n: [] for n in (1, 2, 4, 8)}
+        for _ in track(range(fibres), form, console=Console(stderr=True), disable=not sys.stderr.isatty()):
+            fibre, single = random_fibre(form, rng)
+            model = cuticle.Strands(single) if form == "chiang" else cuticle.DualScattering(fibre)
+            family = cuticle.family("dual_scattering", fibre, d_f=0.7, d_b=0.7)
+            theta_r = rng.uniform(-1, 1) * np.radians(75)
+            for n, ess in found.items():
+                ess.append(cuticle.measure(family.sampler_at(fibre, strands=n), model.with_strands(n), theta_r).ess)
+        for n, ess in found.items():
+            listing.add_row(form, str(fibres), str(n), f"{np.mean(ess):.4f}", f"{min(ess):.4f}")
+    out.print(listing)
+
+
 def picture(found: dict[str, list[float]], path: Path) -> None:
     """Draw what is lost to the ideal, 1/ESS - 1, each sampler's fibres from its worst to its best."""
     from matplotlib.figure import Figure  # takes a second to import
@@ -234,7 +254,12 @@ def main() -> None:
     parser.add_argument("--picture", type=Path, help="draw the ESS of Chiang's fibres there")
     parser.add_argument("--box", type=int, metavar="N", help="tell the ESS of N fibres a family from samples, nothing else")
     parser.add_argument("--falcor", type=Path, metavar="FILE", help="with --box: pbrt_hair_bsdf.dat of Falcor's tests, too")
+    parser.add_argument(
+        "--strands", type=int, metavar="N", help="tell the ESS of N fibres a family among others, nothing else"
+    )
     arguments = parser.parse_args()
+    if arguments.strands:
+        return strands(arguments.strands)
     if arguments.box:
         return box(arguments.box, arguments.falcor)
     found = {form: quality(form, arguments.fibres, arguments.fits) for form in ("chiang", "marschner")}

@@ -266,7 +266,15 @@ def test_the_command_writes_what_it_says(folder: Path) -> None:
         (["sampler.json", "--amalgamate", "-o", "x.h"], "give one of a sampler with --to HOST"),
         (["-o", "x.h"], "give one of a sampler with --to HOST"),
         (["--family", "chiang", "--amalgamate", "-o", "x.h"], "give one of a sampler with --to HOST"),
-        (["--family", "kajiya", "--to", "cpp", "-o", "x.h"], "family must be one of chiang, marschner; got 'kajiya'"),
+        (["--family", "kajiya", "--to", "cpp", "-o", "x.h"], "one of chiang, marschner, dual_scattering; got 'kajiya'"),
+        (["--family", "dual_scattering", "--to", "cpp", "-o", "x.h"], "needs --among, the mean fibre of the strands around"),
+        (
+            ["--family", "dual_scattering", "--among", "brown", "--to", "glsl", "-o", "x.glsl"],
+            "glsl takes the family chiang or marschner, got 'dual_scattering'; --to cpp takes any",
+        ),
+        (["--family", "dual_scattering", "--among", "x.npz", "--to", "cpp", "-o", "x.h"], "x.npz"),
+        (["--family", "dual_scattering", "--among", "grey", "--to", "cpp", "-o", "x.h"], "must be a preset ("),
+        (["--family", "chiang", "--among", "brown", "--to", "cpp", "-o", "x.h"], "--among does nothing without --family"),
         (["--family", "chiang", "--to", "web", "-o", "x.h"], "to must be one of cpp, cuda, glsl, hlsl, pbrt; got 'web'"),
         (["--family", "marschner", "--to", "pbrt", "-o", "x"], "pbrt takes the family chiang"),
         (["--family", "chiang", "--to", "cpp", "--with-model", "-o", "x.h"], "--with-model does nothing with --family"),
@@ -285,6 +293,9 @@ def test_a_family_is_written_by_the_command(folder: Path) -> None:
     written = (folder / "any.glsl").read_text()
     assert written == export_family("marschner", "glsl", frame="mitsuba", name="any").text
     assert "the strand along y" in written
+    run("export", "--family", "dual_scattering", "--among", "brown", "--to", "cuda", "-o", "any.h", cwd=folder)
+    mean = cuticle.Fibre.preset("brown")
+    assert (folder / "any.h").read_text() == export_family("dual_scattering", "cuda", name="any", among=mean).text
     done = run("export", "--family", "chiang", "--to", "pbrt", "--name", "mine", "-o", "other.h", cwd=folder)
     assert "class MineHairBxDF;" in done.stdout
     assert "#include <pbrt/other.h>" in done.stdout

@@ -182,7 +182,7 @@ def test_what_is_refused_says_why(values: dict[str, Any], message: str) -> None:
 def test_a_fibre_of_another_family_is_refused() -> None:
     with pytest.raises(TypeError, match=r"fibre must be a cuticle\.Chiang.*got Fibre"):
         CHIANG.pdf(0.1, 0.2, 0.3, Fibre.preset("brown"))
-    with pytest.raises(ValueError, match="family must be one of chiang, marschner; got 'kajiya'"):
+    with pytest.raises(ValueError, match="family must be one of chiang, marschner, dual_scattering; got 'kajiya'"):
         cuticle.family("kajiya")
     with pytest.raises(ValueError, match=r"u must have shape \(\.\.\., 3\): lobe, theta, phi; got \(2,\)"):
         CHIANG.sample(0.1, [0.1, 0.2], sigma_a=0.1)

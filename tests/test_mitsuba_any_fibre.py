@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 
 import cuticle
-from cuticle.scattering.strand_transport import Directions, StrandTransport
-from cuticle.scattering.through_strands import _parts
 from test_mitsuba import AMONG_STRANDS, HALF_SPACE, UseVariant, ask, random_directions, relative
 
 CHIANG = {"beta_m": 0.3, "beta_n": 0.3, "alpha": 2.0, "eumelanin": 1.3}
@@ -157,55 +155,21 @@ def test_updates_in_any_order_are_the_scene_with_those_values(
         assert relative(a.pdf, b.pdf) <= 1e-5
 
 
-def sphere_points(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Heights and azimuths that cover the sphere evenly."""
-    return (np.arange(count) + 0.5) / count * 2 - 1, np.arange(count) * 0.6180339887 % 1 * 2 * np.pi
-
-
-@pytest.mark.parametrize(
-    ("name", "own", "mean", "off"),
-    [
-        ("eumelanin", 1.3, 1.3, 0.002),  # the transport itself
-        # What comes from behind is as if the last strand were the mean, too.
-        ("eumelanin", 0.1, 1.3, 0.03),
-        ("eumelanin", 2.5, 1.3, 0.03),
-        # A lobe's axis and width are added, not convolved.
-        ("beta_R", 15.0, 8.0, 0.04),
-        ("alpha_R", -10.0, -4.0, 0.03),
-    ],
-)
-def test_a_strand_unlike_the_others_is_the_last_to_scatter(
-    name: str, own: float, mean: float, off: float, use_variant: UseVariant
-) -> None:
-    """Energy through two strands, against transport among the others seen through the strand's own scattering."""
+@pytest.mark.parametrize("given", [CHIANG, MARSCHNER], ids=["chiang", "marschner"])
+def test_a_strand_unlike_the_others_is_the_familys(given: dict[str, Any], use_variant: UseVariant) -> None:
+    """f among strands of a mean fibre, counted and expected: `cuticle.family("dual_scattering")`."""
     mi = use_variant("scalar_rgb")
-    import drjit as dr
-
-    d = Directions()
-    values = {k: v for k, v in MARSCHNER.items() if k != name}
-    others, strand = (_parts(cuticle.Fibre(**values, **{name: x}), 0, d) for x in (mean, own))
-    transport = StrandTransport(others)
-    assert transport._sheets is not None  # solved for the others
-    transport.parts, transport._all = strand, sum(strand[1:], start=strand[0])
-    wanted = np.einsum("cpnrk,n->r", transport.through_sheets(np.ones((d.rows, 1)), (2,)), d.node_weights)
-
-    texture = bitmap(mi, [[[own], [2 * mean - own]]])
-    bsdf = mi.load_dict({"type": "cuticle", **values, name: texture})
-    bsdf.parameters_changed(["strand_tables"])
-    context = mi.BSDFContext()
-    context.type_mask |= AMONG_STRANDS
-    si = dr.zeros(mi.SurfaceInteraction3f)
-    si.uv, si.duv_dx, si.duv_dy = mi.Point2f(0.01, 0.5), mi.Vector2f(2, 0), mi.Vector2f(HALF_SPACE, 0)
-    height, turn = sphere_points(3000)
-    across = np.sqrt(1 - height**2)
-    for row in (22, 32):
-        theta_r = -d.theta[row]
-        si.wi = mi.Vector3f(np.cos(theta_r), np.sin(theta_r), 0)
-        energy = sum(
-            bsdf.eval(context, si, mi.Vector3f(*w))[0]
-            for w in np.stack([across * np.cos(turn), height, across * np.sin(turn)], axis=1)
-        ) * 4 * np.pi / len(height)  # fmt: skip
-        assert energy == pytest.approx(wanted[row], rel=off)
+    kind = cuticle.Chiang if given is CHIANG else cuticle.Fibre
+    texture = bitmap(mi, [[[0.4], [2.2]]])  # seen where it is .4
+    bsdf = mi.load_dict({"type": "cuticle", **given, "eumelanin": texture, "d_f": 0.8, "d_b": 0.6})
+    family = cuticle.family("dual_scattering", kind(**given), d_f=0.8, d_b=0.6)
+    r, i, u = asked()
+    strands = np.linspace(0.3, 9, 20)
+    for behind in (None, 1.5):
+        answers = ask(mi, bsdf, r, i, u, strands, behind)
+        around = {"strands": strands} | ({} if behind is None else {"behind": behind, "random": True})
+        f = family.eval(i.theta, r.theta, i.phi - r.phi, **(given | {"eumelanin": 0.4}), **around)
+        assert relative(answers.f, f * np.cos(i.theta)[:, None]) <= 2e-4
 
 
 @pytest.mark.slow

@@ -28,6 +28,7 @@
 #include "cuticle/scattering/azimuthal.h"
 #include "cuticle/scattering/chiang.h"
 #include "cuticle/scattering/dual_scattering.h"
+#include "cuticle/scattering/far_among.h"
 #include "cuticle/scattering/far_cells.h"
 #include "cuticle/scattering/far_fibre.h"
 #include "cuticle/scattering/far_field.h"

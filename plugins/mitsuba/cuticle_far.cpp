@@ -5,6 +5,7 @@
 // The strand itself keeps its own energies, tilts and widths.
 #include "fibre_bsdf.h"
 
+#include "cuticle/scattering/far_among.h"
 #include "cuticle/scattering/through_draw.h"
 
 NAMESPACE_BEGIN(mitsuba)
@@ -107,19 +108,19 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
         return out;
     }
 
-    // How a strand differs from the mean one, with energies of a channel or, summed with weights, of several.
-    template <class Energy>
-    cuticle::OwnParts<Float> own_parts(const cuticle::FarFibre<Float> &fibre, const Energy &energy) const {
-        cuticle::OwnParts<Float> own;
-        for (int p = 0; p < cuticle::lobe_count; ++p) {
-            own.energy[p] = energy(p);
-            if (p == cuticle::lobe_count - 1) own.energy[p] = own.energy[p] + energy(cuticle::lobe_count);  // higher orders
-            own.tilt[p] = fibre.tilt[p] - m_tables.tilt[p];
-            own.variance[p] = fibre.variance[p] - m_tables.variance[p];
-        }
-        return own;
+    cuticle::MeanStrands<float, Memory> mean_strands() const {
+        const Tables &t = m_tables;
+        cuticle::MeanStrands<float, Memory> mean{
+            {cuticle_mitsuba::memory<Float>(t.lobes), cuticle_mitsuba::memory<Float>(t.azimuth),
+             cuticle_mitsuba::memory<Float>(t.behind), t.rows, t.azimuth_rows, t.columns, t.channels, t.limit},
+            {},
+            {},
+            t.d_f,
+            t.d_b};
+        std::copy_n(t.tilt, cuticle::lobe_count, mean.tilt);
+        std::copy_n(t.variance, cuticle::lobe_count, mean.variance);
+        return mean;
     }
-
     cuticle::ThroughDraw<float, Memory> draw_table() const {
         const Tables &t = m_tables;
         return {cuticle_mitsuba::memory<Float>(t.draw_lobes),
@@ -132,12 +133,12 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
     cuticle::ThroughMixture<Float> through_mixture(const Prepared &p, const Angles &r) const {
         if (!m_tables.strands) Throw("cuticle: no tables among strands; dual_scattering asks for them");
         const auto weights = Base::luminance();
-        return cuticle::through_mixture(draw_table(), r.theta, own_parts(p.fibre, [&](int part) {
-                                            Float sum(0);
-                                            for (int c = 0; c < channels; ++c)
-                                                sum = sum + weights[size_t(c)] * p.field.energy[c][part];
-                                            return sum;
-                                        }));
+        Float energy[cuticle::far_lobes];
+        for (int part = 0; part < cuticle::far_lobes; ++part) {
+            energy[part] = Float(0);
+            for (int c = 0; c < channels; ++c) energy[part] += weights[size_t(c)] * p.field.energy[c][part];
+        }
+        return cuticle::through_mixture(draw_table(), r.theta, cuticle::own_parts(mean_strands(), p.fibre, energy));
     }
 
     // use(channel) with the tables' channel, or between two of them, for each value of a spectrum.
@@ -163,29 +164,15 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
     UnpolarizedSpectrum among(const BSDFContext &ctx, const SurfaceInteraction3f &si, const Prepared &p,
                               const Float &theta_i, const Angles &r, const Float &phi, const UnpolarizedSpectrum &alone,
                               const Mask &active) const {
-        const Tables &t = m_tables;
         const auto met = cuticle_mitsuba::around(si);
         const bool random = cuticle_mitsuba::expected(ctx);
         const cuticle::Surroundings<Float> around{random ? met.expected : met.strands, met.behind, random};
-        const cuticle::ThroughTable<float, Memory> table{cuticle_mitsuba::memory<Float>(t.lobes),
-                                                         cuticle_mitsuba::memory<Float>(t.azimuth),
-                                                         cuticle_mitsuba::memory<Float>(t.behind),
-                                                         t.rows,
-                                                         t.azimuth_rows,
-                                                         t.columns,
-                                                         t.channels,
-                                                         t.limit};
-        const auto place = cuticle::place_among(table, Float(r.theta), around);
-        const Float cosine = cuticle::math::cos_theta(theta_i);
+        const auto mean = mean_strands();
+        const auto place = cuticle::place_among(mean.through, Float(r.theta), around);
         return per_channel(si, active, [&](int c, const auto &channel) {
-            const auto share =
-                cuticle::shares(cuticle::behind_at(table, place.row, channel), around, Float(t.d_f), Float(t.d_b));
-            const auto own = own_parts(p.fibre, [&](int part) { return p.field.energy[c][part]; });
-            Float lobes[cuticle::through_parts + 1];
-            cuticle::through_lobes(table, place, theta_i, channel, lobes, &own);
-            cuticle::shared(share, cuticle::mask_all, lobes);
-            return share.lit * alone[size_t(c)] +
-                   cosine * cuticle::add_through(Float(0), table, place, lobes, Float(phi), channel);
+            const auto own = cuticle::own_parts(mean, p.fibre, p.field.energy[c]);
+            const auto parts = cuticle::among_parts(mean, place, around, own, channel);
+            return cuticle::among_value(mean, place, parts, theta_i, Float(phi), channel, Float(alone[size_t(c)]));
         });
     }
 
@@ -200,10 +187,11 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
         const Prepared p = prepare(si, r, active);
         Float f[channels];
         const Float own = cuticle::far_eval(m_form, p.field, theta_i, phi, f);
-        const UnpolarizedSpectrum alone = with_cosine(f, theta_i);
-        if (!cuticle_mitsuba::among_strands(ctx)) return {alone, own};
+        const UnpolarizedSpectrum alone = colour(f);
+        const Float cosine = cuticle::math::cos_theta(theta_i);
+        if (!cuticle_mitsuba::among_strands(ctx)) return {alone * cosine, own};
         const Float through = cuticle::through_pdf(draw_table(), through_mixture(p, r), theta_i, phi);
-        return {among(ctx, si, p, theta_i, r, phi, alone, active), m_share * own + (1 - m_share) * through};
+        return {among(ctx, si, p, theta_i, r, phi, alone, active) * cosine, m_share * own + (1 - m_share) * through};
     }
 
     std::pair<cuticle::Sample<Float>, UnpolarizedSpectrum> draw_with_value(const BSDFContext &ctx,
@@ -215,7 +203,7 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
         const bool surrounded = cuticle_mitsuba::among_strands(ctx);
         if (!surrounded) {
             const auto s = cuticle::far_sample(m_form, p.field, sample1, Float(sample2.x()), Float(sample2.y()), f);
-            return {s, with_cosine(f, s.theta_i)};
+            return {s, colour(f) * cuticle::math::cos_theta(s.theta_i)};
         }
         const Mask direct = sample1 < m_share;
         const Float left = dr::minimum(dr::select(direct, sample1 / m_share, (sample1 - m_share) / (1 - m_share)),
@@ -227,7 +215,7 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
         if (dr::any_or<true>(direct)) {
             s = cuticle::far_sample(m_form, p.field, left, Float(sample2.x()), Float(sample2.y()), f);
             s.pdf = m_share * s.pdf + (1 - m_share) * cuticle::through_pdf(draw_table(), mixture, s.theta_i, s.phi);
-            alone = with_cosine(f, s.theta_i);
+            alone = colour(f);
         }
         if (dr::any_or<true>(!direct)) {
             auto other = cuticle::through_sample(draw_table(), mixture, left, Float(sample2.x()), Float(sample2.y()));
@@ -236,16 +224,16 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
             s.theta_i = dr::select(direct, s.theta_i, other.theta_i);
             s.phi = dr::select(direct, s.phi, other.phi);
             s.pdf = dr::select(direct, s.pdf, other.pdf);
-            alone = dr::select(direct, alone, with_cosine(f, other.theta_i));
+            alone = dr::select(direct, alone, colour(f));
         }
         if (!with_value) return {s, 0.f};
-        return {s, among(ctx, si, p, s.theta_i, r, s.phi, alone, active)};
+        return {s, among(ctx, si, p, s.theta_i, r, s.phi, alone, active) * cuticle::math::cos_theta(s.theta_i)};
     }
 
-    static UnpolarizedSpectrum with_cosine(const Float *f, const Float &theta_i) {
+    static UnpolarizedSpectrum colour(const Float *f) {
         UnpolarizedSpectrum value;
         for (int c = 0; c < channels; ++c) value[size_t(c)] = f[c];
-        return value * cuticle::math::cos_theta(theta_i);
+        return value;
     }
 
     cuticle::Azimuthal m_form;

@@ -28,12 +28,13 @@ from .scattering import presets as presets
 from .scattering.among_strands import Strands as Strands
 from .scattering.any_fibre import Family as Family
 from .scattering.any_fibre import Fibres as Fibres
-from .scattering.any_fibre import family as family
 from .scattering.bcsdf import Bcsdf as Bcsdf
 from .scattering.chiang import Chiang as Chiang
 from .scattering.chiang import ChiangNear as ChiangNear
 from .scattering.dual_scattering import Averages as Averages
 from .scattering.dual_scattering import DualScattering as DualScattering
+from .scattering.family_among import FamilyAmong as FamilyAmong
+from .scattering.family_among import family as family
 from .scattering.fibre import Fibre as Fibre
 from .scattering.from_callable import from_callable as from_callable
 from .scattering.from_mitsuba import from_mitsuba as from_mitsuba

@@ -57,6 +57,53 @@ def far_sample(
 ) -> None: ...
 def rest_energies(eta: float, sigma_a: NDArray, offsets: int, out: NDArray) -> None: ...
 
+class _Among:
+    def __init__(
+        self,
+        lobes: NDArray,
+        azimuth: NDArray,
+        behind: NDArray,
+        limit: float,
+        tilt: NDArray,
+        variance: NDArray,
+        d_f: float,
+        d_b: float,
+    ) -> None: ...
+    def eval(
+        self,
+        chiang: bool,
+        parameters: NDArray,
+        sigma_a: NDArray,
+        luminance: NDArray,
+        theta_i: NDArray,
+        theta_r: NDArray,
+        phi: NDArray,
+        strands: NDArray,
+        behind: NDArray,
+        random: bool,
+        f: NDArray,
+        pdf: NDArray,
+    ) -> None: ...
+    def sample(
+        self,
+        chiang: bool,
+        parameters: NDArray,
+        sigma_a: NDArray,
+        luminance: NDArray,
+        theta_r: NDArray,
+        u: NDArray,
+        strands: NDArray,
+        behind: NDArray,
+        random: bool,
+        theta_i: NDArray,
+        phi: NDArray,
+        f: NDArray,
+        pdf: NDArray,
+    ) -> None: ...
+
+class AmongDouble(_Among): ...
+class AmongFloat(_Among): ...
+
 class ChiangNear:
     def __init__(
         self, eta: float, scale: float, variance: NDArray, tilt: NDArray, sigma_a: NDArray, luminance: NDArray

@@ -2,7 +2,7 @@
 #include "bindings.h"
 
 #include "arrays.h"
-#include "cuticle/scattering/far_field.h"
+#include "cuticle/scattering/far_among.h"
 
 namespace native {
 namespace {
@@ -70,6 +70,93 @@ void draw(const Fibres<T> &fibres, const In<T> &theta_r, const In<T> &u, Out<T> 
     });
 }
 
+// Strands of a mean fibre, and a fibre of any kind among them; keeps the arrays it was given.
+template <class T> struct Among {
+    In<T> lobes, azimuth, behind;
+    cuticle::MeanStrands<T> mean{};
+
+    // (2, slots, rows, 4, parts, channels), (2, slots, azimuth rows, columns, parts, channels), (rows, 3, channels).
+    Among(const In<T> &lobes_, const In<T> &azimuth_, const In<T> &behind_, T limit, const In<T> &tilt,
+          const In<T> &variance, T d_f, T d_b)
+        : lobes(lobes_), azimuth(azimuth_), behind(behind_) {
+        const auto size = [](const In<T> &a, std::size_t axis) { return static_cast<int>(a.shape(axis)); };
+        mean.through = {lobes.data(),     azimuth.data(),   behind.data(),    size(lobes, 2),
+                        size(azimuth, 2), size(azimuth, 3), size(azimuth, 5), limit};
+        std::copy_n(tilt.data(), cuticle::lobe_count, mean.tilt);
+        std::copy_n(variance.data(), cuticle::lobe_count, mean.variance);
+        mean.d_f = d_f;
+        mean.d_b = d_b;
+    }
+
+    // body(i, form, field) for each of `count`; a field is kept while fibre, viewer and surroundings stay.
+    template <int Channels, class Body>
+    void each(const Fibres<T> &fibres, const In<T> &theta_r, const In<T> &strands, const In<T> &behind_, bool random,
+              std::size_t count, const Body &body) const {
+        const auto tr = broadcast(theta_r), n = broadcast(strands), b = broadcast(behind_);
+        parallel_for(count, 64, [&](std::size_t begin, std::size_t end) {
+            cuticle::FarAmong<T, Channels> field{};
+            for (std::size_t i = begin; i < end; ++i) {
+                if (i == begin || tr[i] != tr[i - 1] || n[i] != n[i - 1] || b[i] != b[i - 1] || !fibres.same(i, i - 1))
+                    field = cuticle::far_among<Channels>(fibres.form(), mean, fibres.fibre(i), tr[i], fibres.absorption(i),
+                                                         fibres.luminance, cuticle::Surroundings<T>{n[i], b[i], random});
+                body(i, fibres.form(), field);
+            }
+        });
+    }
+
+    template <int Channels>
+    void evaluate(const Fibres<T> &fibres, const In<T> &theta_i, const In<T> &theta_r, const In<T> &phi,
+                  const In<T> &strands, const In<T> &behind_, bool random, Out<T> f, Out<T> pdf) const {
+        const auto ti = broadcast(theta_i), ph = broadcast(phi);
+        each<Channels>(fibres, theta_r, strands, behind_, random, pdf.shape(0),
+                       [&](std::size_t i, cuticle::Azimuthal form, const auto &field) {
+                           pdf.data()[i] = cuticle::among_eval(form, mean, field, ti[i], ph[i], f.data() + i * Channels);
+                       });
+    }
+
+    template <int Channels>
+    void draw(const Fibres<T> &fibres, const In<T> &theta_r, const In<T> &u, const In<T> &strands, const In<T> &behind_,
+              bool random, Out<T> theta_i, Out<T> phi, Out<T> f, Out<T> pdf) const {
+        each<Channels>(fibres, theta_r, strands, behind_, random, pdf.shape(0),
+                       [&](std::size_t i, cuticle::Azimuthal form, const auto &field) {
+                           const T *v = u.data() + 3 * i;
+                           const auto s =
+                               cuticle::among_sample(form, mean, field, v[0], v[1], v[2], f.data() + i * Channels);
+                           theta_i.data()[i] = s.theta_i;
+                           phi.data()[i] = s.phi;
+                           pdf.data()[i] = s.pdf;
+                       });
+    }
+};
+
+template <class T> void bind_among(nb::module_ &m, const char *name) {
+    using release = nb::call_guard<nb::gil_scoped_release>;
+    nb::class_<Among<T>>(m, name)
+        .def(nb::init<const In<T> &, const In<T> &, const In<T> &, T, const In<T> &, const In<T> &, T, T>())
+        .def(
+            "eval",
+            [](const Among<T> &among, bool chiang, const In<T> &parameters, const In<T> &sigma_a, const In<T> &luminance,
+               const In<T> &theta_i, const In<T> &theta_r, const In<T> &phi, const In<T> &strands, const In<T> &behind,
+               bool random, Out<T> f, Out<T> pdf) {
+                const Fibres<T> fibres(chiang, parameters, sigma_a, luminance);
+                if (sigma_a.shape(1) == 1)
+                    among.template evaluate<1>(fibres, theta_i, theta_r, phi, strands, behind, random, f, pdf);
+                else among.template evaluate<3>(fibres, theta_i, theta_r, phi, strands, behind, random, f, pdf);
+            },
+            release())
+        .def(
+            "sample",
+            [](const Among<T> &among, bool chiang, const In<T> &parameters, const In<T> &sigma_a, const In<T> &luminance,
+               const In<T> &theta_r, const In<T> &u, const In<T> &strands, const In<T> &behind, bool random, Out<T> theta_i,
+               Out<T> phi, Out<T> f, Out<T> pdf) {
+                const Fibres<T> fibres(chiang, parameters, sigma_a, luminance);
+                if (sigma_a.shape(1) == 1)
+                    among.template draw<1>(fibres, theta_r, u, strands, behind, random, theta_i, phi, f, pdf);
+                else among.template draw<3>(fibres, theta_r, u, strands, behind, random, theta_i, phi, f, pdf);
+            },
+            release());
+}
+
 template <class T> void bind(nb::module_ &m) {
     using release = nb::call_guard<nb::gil_scoped_release>;
     m.def(
@@ -95,6 +182,8 @@ template <class T> void bind(nb::module_ &m) {
 void bind_far_field(nb::module_ &m) {
     bind<double>(m);
     bind<float>(m);
+    bind_among<double>(m, "AmongDouble");
+    bind_among<float>(m, "AmongFloat");
     // Columns: at edges gamma and its sine; at middles sine, cosine and the cell's width in h.
     m.def("cell_geometry", [](bool dense, Out<double> out) {
         const auto g = cuticle::cell_geometry<double>(dense);

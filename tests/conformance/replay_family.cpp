@@ -1,12 +1,13 @@
-// Replays inputs through an exported family: rows of theta_i, theta_r, phi, which of fibres.h, and three random numbers; out
-// come f and its density, then theta_i, phi, pdf and f of a sample.
+// Replays inputs through an exported family: rows of theta_i, theta_r, phi, which of fibres.h, three random numbers, and how
+// many strands are around, which PREPARE of fibres.h may ignore; out come f and its density, then theta_i, phi, pdf and f of a
+// sample.
 #include "fibre.h"
 #include "fibres.h"
 
 constexpr int inputs = 8, outputs = 10;
 
 CUTICLE_HD void answer(const REAL *x, double *out) {
-    const auto scattering = fibre::prepare(x[1], fibre_of(static_cast<int>(x[3])));
+    const auto scattering = PREPARE(x[1], fibre_of(static_cast<int>(x[3])), x[7]);
     REAL f[3];
     out[3] = double(scattering.eval(x[0], x[2], f));
     for (int c = 0; c < 3; ++c) out[c] = double(f[c]);

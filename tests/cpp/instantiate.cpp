@@ -174,11 +174,20 @@ template <class F, class S, class M> struct Use {
         const auto place = locate(table, x, y, random_strands, true);
         const ChannelBetween<F> between = locate(AbsorptionRange<S>{S(.1), S(1.2), 0, 9}, x);
         F lobes[through_parts + 1];
-        through_lobes(table, place, x, between, lobes);
+        through_lobes(through_moments(table, place, between), x, lobes);
         const OwnParts<F> own{{x, y, z}, {x, y, z}, {x, y, z}};
-        through_lobes(table, place, x, 1, lobes, &own);
+        through_lobes(through_moments(table, place, 1, &own), x, lobes);
         lobes[0] = behind_at(table, place.row, between).alone + behind_at(table, place.row, 1).alone;
-        return add_through(x, table, place, lobes, z, between) + add_through(x, table, place, lobes, z, 1);
+        return add_through(x, table, place, lobes, z, between) + add_through(x, table, place, lobes, z, 1) +
+               draw_azimuth(table, place, x, y, z);
+    }
+#endif
+#ifdef USE_scattering_far_among
+    F among(F *f) const {
+        const MeanStrands<S, M> mean{};
+        const S luminance[] = {S(.3), S(.4), S(.3)};
+        const auto field = far_among<3>(Azimuthal::normal, mean, FarFibre<F>{}, x, f, luminance, counted(y));
+        return among_sample(Azimuthal::normal, mean, field, x, y, z, f).pdf;
     }
 #endif
 #ifdef USE_scattering_through_draw

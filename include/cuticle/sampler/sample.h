@@ -6,6 +6,9 @@
 
 namespace cuticle {
 
+template <class Float> struct Angles {
+    Float theta_i, phi;  // radians
+};
 template <class Float> struct Sample {
     Float theta_i, phi, pdf;  // radians, radians, 1/sr
 };

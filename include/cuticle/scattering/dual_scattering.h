@@ -168,7 +168,7 @@ CUTICLE_HD void add_surroundings(const DualScatteringModel<Scalar, Memory> &mode
     if (model.formulation == Formulation::exact) {
         const ThroughPlace<Float> place = place_among(model.through, theta_r, around);
         const Shares<Float> share = shares(behind_at(model.through, place.row, channel), around, d_f, d_b);
-        through_lobes(model.through, place, theta_i, channel, t.through);
+        through_lobes(through_moments(model.through, place, channel), theta_i, t.through);
         for (int p = 0; p < lobe_count; ++p) t.weight[direct_rows][p] = share.lit * t.weight[direct_rows][p];
         shared(share, lobes, t.through);
         return;

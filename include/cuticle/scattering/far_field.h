@@ -198,11 +198,10 @@ CUTICLE_INLINE FarCell<Float> far_cell(const FarField<Float, Channels> &field, c
 }
 
 // Draws a direction from three numbers in [0, 1). The first chooses the lobe; what is left of it gives D, and its lower
-// digits the azimuth around the lobe's axis. The last chooses the side of the fibre, the cell, and where in it. f as
-// far_eval.
+// digits the azimuth around the lobe's axis. The last chooses the side of the fibre, the cell, and where in it.
 template <class Float, int Channels>
-CUTICLE_HD Sample<Float> far_sample(Azimuthal form, const FarField<Float, Channels> &field, const Float &u_lobe,
-                                    const Float &u_theta, const Float &u_phi, Float f[Channels]) {
+CUTICLE_HD Angles<Float> far_draw(Azimuthal form, const FarField<Float, Channels> &field, const Float &u_lobe,
+                                  const Float &u_theta, const Float &u_phi) {
     const Float side = Float(2) * u_phi, u_cell = side - math::floor(side);
     Float below = Float(0), start = Float(0), chance = Float(0), axis = field.axis[0], variance = field.variance[0];
     FarCell<Float> cell = {Float(0), Float(0), Float(0)};
@@ -232,8 +231,15 @@ CUTICLE_HD Sample<Float> far_sample(Azimuthal form, const FarField<Float, Channe
     const Float theta_i = about_axis(axis, variance, u_theta, Float(Float(2 * pi<double>) * (digits - math::floor(digits))));
     const Float turn = cell.begin + cell.left * cell.span + turn_of(form, left, field.width);
     const Float leaving = select(side < Float(1), turn, Float(-turn));
-    const Float phi = math::wrap_angle(Float(select(rest, Float(Float(2 * pi<double>) * u_phi), leaving)));
-    return {theta_i, phi, far_eval(form, field, theta_i, phi, f)};
+    return {theta_i, Float(math::wrap_angle(Float(select(rest, Float(Float(2 * pi<double>) * u_phi), leaving))))};
+}
+
+// The same, with f as far_eval and its density.
+template <class Float, int Channels>
+CUTICLE_HD Sample<Float> far_sample(Azimuthal form, const FarField<Float, Channels> &field, const Float &u_lobe,
+                                    const Float &u_theta, const Float &u_phi, Float f[Channels]) {
+    const Angles<Float> drawn = far_draw(form, field, u_lobe, u_theta, u_phi);
+    return {drawn.theta_i, drawn.phi, far_eval(form, field, drawn.theta_i, drawn.phi, f)};
 }
 
 }  // namespace cuticle

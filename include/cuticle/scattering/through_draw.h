@@ -117,10 +117,8 @@ CUTICLE_HD Sample<Float> through_sample(const ThroughDraw<Scalar, Memory> &table
         passed = select(past, integral, passed);
         node = select(past, Float(j), node);
     }
-    const Float step = Float(pi<double>) / Float(table.nodes - 1), y = (wanted - passed) / step;
-    const Float root = math::sqrt(math::max(Float(from * from + Float(2) * (to - from) * y), Float(0)));
-    const Float within =
-        math::clamp(Float(Float(2) * y / math::max(Float(from + root), Float(smallest<Float>))), Float(0), Float(1));
+    const Float step = Float(pi<double>) / Float(table.nodes - 1);
+    const Float within = linear_quantile(from, to, Float(Float(2) * (wanted - passed) / step));
     const Float turn = (node + within) * step, phi = select(side < Float(1), turn, Float(-turn));
     return {theta_i, phi, through_pdf(table, mix, theta_i, phi)};
 }

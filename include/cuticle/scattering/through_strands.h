@@ -63,14 +63,15 @@ CUTICLE_INLINE Value through_energy(const Value &lower, const Value &upper, cons
 template <class Float> struct ThroughPlace {
     StrandsPlace<Float> strands;
     Place<Float> row, azimuth_row;
-    int arrangement, parts;  // parts to look up: all, or none where all light is direct
+    int arrangement;
+    bool scattered;  // whether any light met other strands: else no part is looked up
 };
 template <class Float, class Scalar, class Memory>
 CUTICLE_INLINE ThroughPlace<Float> locate(const ThroughTable<Scalar, Memory> &table, const Float &theta_r,
                                           const Float &strands, Arrangement arrangement, bool scattered) {
     const Float limit = Float(table.limit);
     return {locate_strands(strands), locate_viewer(theta_r, table.rows, limit),
-            locate_viewer(theta_r, table.azimuth_rows, limit), arrangement, scattered ? through_parts : 0};
+            locate_viewer(theta_r, table.azimuth_rows, limit), arrangement, scattered};
 }
 
 // A channel's values, and those between two channels.
@@ -95,10 +96,15 @@ template <class Float> CUTICLE_INLINE Float widened(const Float &variance, const
     return math::max(Float(variance + by), Float(1e-4));
 }
 
-// M over cos theta_i of all parts times their energies, then that of direct light's backscatter: lobes[through_parts + 1].
+// The energies of all parts, then that of direct light's backscatter, and the M of each.
+template <class Float> struct ThroughMoments {
+    Float energy[through_parts + 1];
+    Several<Float, through_parts + 1> axis, variance;
+};
 template <class Float, class Scalar, class Memory, class Channel>
-CUTICLE_HD void through_lobes(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at, const Float &theta_i,
-                              const Channel &channel, Float *lobes, const OwnParts<Float> *own = nullptr) {
+CUTICLE_INLINE ThroughMoments<Float> through_moments(const ThroughTable<Scalar, Memory> &table,
+                                                     const ThroughPlace<Float> &at, const Channel &channel,
+                                                     const OwnParts<Float> *own = nullptr) {
     using Index = typename ArrayTraits<Float>::Index;
     const int size = through_columns * through_parts * table.channels, slot = table.rows * size;
     const Index first = Index(at.arrangement * through_slots * slot) + at.row.node * Index(size);
@@ -108,28 +114,36 @@ CUTICLE_HD void through_lobes(const ThroughTable<Scalar, Memory> &table, const T
                             channel_value<Float>(table.lobes, Index(i + Index(size)), channel), at.row.t);
     };
     const Index lower = first + (at.strands.node + Index(1)) * Index(slot), upper = lower + Index(slot);
-    Several<Float, through_parts + 1> axis(0), variance(1);
-    for (int p = at.parts; p < through_parts; ++p) lobes[p] = Float(0);
-    for (int p = 0; p < at.parts; ++p) {
+    using Parts = Several<Float, through_parts + 1>;
+    ThroughMoments<Float> moments{{}, Parts(0), Parts(1)};
+    for (int p = 0; p < through_parts; ++p) {
+        moments.energy[p] = Float(0);
+        if (!at.scattered) continue;
         const auto between = [&](int column) {
             return math::linear(value(lower, column, p), value(upper, column, p), at.strands.t);
         };
-        lobes[p] = through_energy(value(lower, through_log_energy, p), value(upper, through_log_energy, p),
-                                  value(lower, through_bend, p), at.strands);
-        axis.set(p, between(through_axis));
-        variance.set(p, between(through_variance));
+        moments.energy[p] = through_energy(value(lower, through_log_energy, p), value(upper, through_log_energy, p),
+                                           value(lower, through_bend, p), at.strands);
+        moments.axis.set(p, between(through_axis));
+        moments.variance.set(p, between(through_variance));
         if (!own || p == lobe_count) continue;  // the last is the others'
-        lobes[p] = lobes[p] * own->energy[p];
-        axis.set(p, Float(between(through_axis) + own->tilt[p]));
-        variance.set(p, widened(Float(between(through_variance)), own->variance[p]));
+        moments.energy[p] = moments.energy[p] * own->energy[p];
+        moments.axis.set(p, Float(between(through_axis) + own->tilt[p]));
+        moments.variance.set(p, widened(Float(between(through_variance)), own->variance[p]));
     }
     constexpr int back = through_parts - 1;
-    axis.set(through_parts, value(first, through_axis, back));
-    variance.set(through_parts, value(first, through_variance, back));
-    const auto m = energy_conserving_m(Several<Float, through_parts + 1>(theta_i), axis, variance);
+    moments.energy[through_parts] = math::exp(value(first, through_log_energy, back));
+    moments.axis.set(through_parts, value(first, through_axis, back));
+    moments.variance.set(through_parts, value(first, through_variance, back));
+    return moments;
+}
+
+// M over cos theta_i times the energies: lobes[through_parts + 1].
+template <class Float>
+CUTICLE_INLINE void through_lobes(const ThroughMoments<Float> &parts, const Float &theta_i, Float *lobes) {
+    const auto m = energy_conserving_m(Several<Float, through_parts + 1>(theta_i), parts.axis, parts.variance);
     const Float secant = Float(1) / math::cos_theta(theta_i);
-    for (int p = 0; p < through_parts; ++p) lobes[p] = lobes[p] * m[p] * secant;
-    lobes[through_parts] = math::exp(value(first, through_log_energy, back)) * m[through_parts] * secant;
+    for (int p = 0; p <= through_parts; ++p) lobes[p] = parts.energy[p] * m[p] * secant;
 }
 
 // What an end of the strands behind changes: the rates at which the backscatter of direct and of scattered light grows with
@@ -167,8 +181,56 @@ CUTICLE_HD Float add_through(Float sum, const ThroughTable<Scalar, Memory> &tabl
                               column.t);
     };
     const Index lower = first + (at.strands.node + Index(1)) * Index(slot), upper = lower + Index(slot);
-    for (int p = 0; p < at.parts; ++p) sum = sum + lobes[p] * math::convex(value(lower, p), value(upper, p), at.strands.t);
+    for (int p = 0; p < through_parts; ++p)
+        if (at.scattered) sum = sum + lobes[p] * math::convex(value(lower, p), value(upper, p), at.strands.t);
     return sum + lobes[through_parts] * value(first, through_parts - 1);
+}
+
+// Where between two nodes a density that is linear there has what is wanted of its integral, in half steps.
+template <class Float> CUTICLE_HD Float linear_quantile(const Float &from, const Float &to, const Float &wanted) {
+    const Float root = math::sqrt(math::max(Float(from * from + (to - from) * wanted), Float(0)));
+    return math::clamp(Float(wanted / math::max(Float(from + root), Float(smallest<Float>))), Float(0), Float(1));
+}
+
+// An azimuth in [0, pi] by the density of one part in one channel, as add_through has it. `part`: up to through_parts, which
+// is direct light's backscatter.
+template <class Float, class Scalar, class Memory>
+CUTICLE_HD Float draw_azimuth(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at, const Float &part,
+                              const Float &channel, const Float &u) {
+    using Index = typename ArrayTraits<Float>::Index;
+    const int size = through_parts * table.channels, row = table.columns * size, slot = table.azimuth_rows * row;
+    const auto direct = part > Float(lobe_count);
+    const Float own = math::min(part, Float(lobe_count));
+    const Index first = Index(at.arrangement * through_slots * slot) + at.azimuth_row.node * Index(row) +
+                        ArrayTraits<Float>::to_index(Float(own * Float(table.channels) + channel));
+    const Index scattered = first + (at.strands.node + Index(1)) * Index(slot);
+    const Index lower = select(direct, first, scattered), upper = select(direct, first, Index(scattered + Index(slot)));
+    const auto seen = [&](const Index &i) {
+        return math::linear(Float(ArrayTraits<Float>::gather(table.azimuth, i)),
+                            Float(ArrayTraits<Float>::gather(table.azimuth, Index(i + Index(row)))), at.azimuth_row.t);
+    };
+    const auto value = [&](int j) {
+        return math::convex(seen(Index(lower + Index(j * size))), seen(Index(upper + Index(j * size))), at.strands.t);
+    };
+    Float last = value(0), total = Float(0);
+    for (int j = 1; j < table.columns; ++j) {
+        const Float here = value(j);
+        total = total + last + here;
+        last = here;
+    }
+    const Float wanted = u * total;
+    Float low = value(0), high = value(1), from = low, to = high, passed = Float(0), node = Float(0), below = Float(0);
+    for (int j = 1; j + 1 < table.columns; ++j) {
+        below = below + low + high;
+        low = high;
+        high = value(j + 1);
+        const auto past = wanted >= below;
+        from = select(past, low, from);
+        to = select(past, high, to);
+        passed = select(past, below, passed);
+        node = select(past, Float(j), node);
+    }
+    return (node + linear_quantile(from, to, Float(wanted - passed))) * Float(Float(pi<double>) / Float(table.columns - 1));
 }
 
 // What hair passes on of light that meets some of it: ln of its energy in all directions on, out of 1, for rows of

@@ -18,8 +18,10 @@ from cuticle.export.frames import DEFAULT_FRAME, FRAMES
 from cuticle.export.hosts.web import LOBES
 from cuticle.export.registry import Export, host
 from cuticle.sampling.sampler import Sampler
-from cuticle.scattering.any_fibre import FORMS
-from cuticle.scattering.by_name import model_of
+from cuticle.scattering.by_name import known_fibres, model_of, read_parameters_or_model
+from cuticle.scattering.chiang import Chiang
+from cuticle.scattering.family_among import FAMILIES
+from cuticle.scattering.fibre import Fibre
 
 
 def command(
@@ -50,7 +52,17 @@ def command(
     family: Annotated[
         str | None,
         typer.Option(
-            "--family", metavar="FAMILY", help=f"Write the far field of any fibre instead of a sampler: {' | '.join(FORMS)}."
+            "--family",
+            metavar="FAMILY",
+            help=f"Write the far field of any fibre instead of a sampler: {' | '.join(FAMILIES)}.",
+        ),
+    ] = None,
+    among: Annotated[
+        str | None,
+        typer.Option(
+            "--among",
+            metavar="PRESET|FILE.toml",
+            help="With --family dual_scattering: the mean fibre of the strands around.",
         ),
     ] = None,
     amalgamated: Annotated[
@@ -61,12 +73,18 @@ def command(
     if (sampler is not None) + amalgamated + (family is not None) != 1:
         raise ValueError("give one of a sampler with --to HOST, --family FAMILY with --to HOST, and --amalgamate")
     if amalgamated:
-        refuse_idle(ctx, "with --amalgamate, which writes the headers alone", "to", "frame", "name", "with_model", "model")
+        refuse_idle(
+            ctx, "with --amalgamate, which writes the headers alone", "to", "frame", "name", "with_model", "model", "among"
+        )  # fmt: skip
     if family is not None:
         refuse_idle(ctx, "with --family, which is f and its sampler", "with_model", "model")
         family_writer(family, to)
         if to is not None and not host(to).framed:
             refuse_idle(ctx, f"with --to {to}", "frame")
+    if family != "dual_scattering":
+        refuse_idle(ctx, "without --family dual_scattering", "among")
+    elif among is None:
+        raise ValueError(f"--family dual_scattering needs --among, the mean fibre of the strands around: {known_fibres()}")
     folder = to == "pbrt" and output.suffix != ".h"  # such as src/pbrt; made when there is something to write
     if folder:
         output = check_directory(output) / f"{'fibre' if name is None else check_name(name, 'pbrt')}.h"
@@ -80,7 +98,8 @@ def command(
     if family is not None and to is not None:
         check_frame(frame or DEFAULT_FRAME)
         name = check_name(name, to) if name is not None else _name_of(output, to)
-        made = export_family(family, to, frame=frame or DEFAULT_FRAME, name=name)
+        mean = None if among is None else _mean_fibre(among)
+        made = export_family(family, to, frame=frame or DEFAULT_FRAME, name=name, among=mean)
         if folder:
             make_directory(output.parent)
         write_output(output, made.text)
@@ -142,6 +161,14 @@ def command(
             soft_wrap=True,
         )
     tell.print(_lines_beside(made, name, output), end="", soft_wrap=True, markup=False, highlight=False)
+
+
+def _mean_fibre(name: str) -> Fibre | Chiang:
+    """Return the fibre, or Chiang's, of a preset's name or of a file."""
+    found = read_parameters_or_model(name)
+    if not isinstance(found, (Fibre, Chiang)):
+        raise ValueError(f"--among must be a fibre, {known_fibres()}; got {name!r}, which is a {type(found).__name__}")
+    return found
 
 
 def _lines_beside(made: Export, name: str, output: Path) -> str:

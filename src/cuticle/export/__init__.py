@@ -19,7 +19,11 @@ from cuticle.sampling.quality import MEASURED_AT, measure
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.bcsdf import Bcsdf, with_strands
 from cuticle.scattering.by_name import model_of
+from cuticle.scattering.chiang import Chiang
 from cuticle.scattering.dual_scattering import DualScattering
+from cuticle.scattering.family_among import FamilyAmong
+from cuticle.scattering.family_among import family as make_family
+from cuticle.scattering.fibre import Fibre
 from cuticle.scattering.host_tables import reduce_tables
 
 __all__ = ["FRAMES", "HOSTS", "Export", "amalgamate", "export", "export_family"]
@@ -100,7 +104,9 @@ def export(
     return target.write(Job(sampler, name, host_frame, about, tables, known, report))
 
 
-def export_family(form: str, to: str, *, frame: str = DEFAULT_FRAME, name: str = "fibre") -> Export:
+def export_family(
+    form: str, to: str, *, frame: str = DEFAULT_FRAME, name: str = "fibre", among: FamilyAmong | Fibre | Chiang | None = None
+) -> Export:
     """Return the far field of any fibre of a model as a source file of its own: f, its density and exact samples.
 
     The fibre's parameters are arguments there, as in `cuticle.family`; no fit and no texture is needed.
@@ -108,20 +114,30 @@ def export_family(form: str, to: str, *, frame: str = DEFAULT_FRAME, name: str =
     Parameters
     ----------
     form
-        "chiang" or "marschner", see `cuticle.family`.
+        "chiang", "marschner" or "dual_scattering", see `cuticle.family`.
     to
         "cpp", "cuda", "glsl" or "hlsl", of linear RGB; or, of "chiang", "pbrt", of its wavelengths and in its frame.
+        "dual_scattering" is for "cpp" and "cuda".
     frame, name
         As in `export`.
+    among
+        Of "dual_scattering": the family, or the mean fibre of the strands around.
 
     Raises
     ------
     ValueError
-        An unknown family, host or frame; a name that is no identifier.
+        An unknown family, host or frame; a name that is no identifier; "dual_scattering" without `among`, or with a mean
+        fibre of other than three channels.
     """
     write = family_writer(form, to)
-    host_frame = check_frame(frame)
-    return write(FamilyJob(form, check_name(name, to), host_frame, about_family(form)))
+    host_frame, name = check_frame(frame), check_name(name, to)
+    if not isinstance(among, FamilyAmong):
+        made = make_family(form, among)
+        among = made if isinstance(made, FamilyAmong) else None
+    if among is not None and among.channels != 3:
+        raise ValueError(f"{to} has three channels, so among must have an absorption for each, got {among.channels}")
+    own = form if among is None else among.form
+    return write(FamilyJob(own, name, host_frame, about_family(own, among), among))
 
 
 def check_name(name: str, to: str) -> str:

@@ -15,8 +15,8 @@ from cuticle.export.headers import amalgamate
 from cuticle.export.registry import Export, FamilyJob, host, host_names
 from cuticle.export.shader import Dialect
 from cuticle.export.source import environment
-from cuticle.scattering.any_fibre import FORMS
 from cuticle.scattering.bcsdf import REC709
+from cuticle.scattering.family_among import FAMILIES, FamilyAmong
 
 # In shaders: D, the fibre's parameters, and the fibre made of them.
 _OF_SHADER = {
@@ -35,14 +35,15 @@ _ABOUT = {
 }
 
 
-def about_family(form: str) -> list[str]:
+def about_family(form: str, among: FamilyAmong | None = None) -> list[str]:
     """Return lines that say which family a file is of."""
-    return [f"Made by Cuticle {__version__}: the far field of any fibre. {_ABOUT[form]}"]
+    lines = [f"Made by Cuticle {__version__}: the far field of any fibre. {_ABOUT[form]}"]
+    return lines if among is None else [*lines, f"Among strands of a mean fibre: {among.among!r}."]
 
 
 def family_writer(form: str, to: str | None) -> Callable[[FamilyJob], Export]:
     """Return what writes a family for a host, or raise ValueError for a family or a host that there is not."""
-    validate.choice("family", form, FORMS)
+    validate.choice("family", form, FAMILIES)
     writers = {name: made for name in host_names() if (made := host(name)).family is not None}
     chosen = writers[validate.choice("to", to, writers)]
     if form not in chosen.forms:
@@ -57,10 +58,10 @@ def family_header(
     """Return a family as a C++ header. `weights`: of the channels in the density; `colour`: what the channels are."""
     text = environment().get_template("family.h.j2").render(
         name=job.name, guard=f"{job.name.upper()}_CUTICLE_H", frame=job.frame, cuda=cuda, chiang=job.form == "chiang",
-        about=job.about, core=amalgamate(["scattering/far_field.h"]), version=__version__.split("."), weights=weights,
-        colour=colour,
+        about=job.about, core=amalgamate([f"scattering/{'far_field' if job.among is None else 'far_among'}.h"]),
+        version=__version__.split("."), weights=weights, colour=colour, among=job.among,
     )  # fmt: skip
-    return Export(text, 0)
+    return Export(text, 0 if job.among is None else 4 * sum(x.size for x in job.among.around[:3]))
 
 
 def family_shader(job: FamilyJob, dialect: Dialect) -> Export:

@@ -14,6 +14,7 @@ from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.any_fibre import FORMS
 from cuticle.scattering.bcsdf import Bcsdf
 from cuticle.scattering.compact_table import FunctionTable
+from cuticle.scattering.family_among import FamilyAmong
 from cuticle.scattering.fibre_tables import FibreTables
 from cuticle.scattering.host_tables import TOLERANCE
 
@@ -86,17 +87,20 @@ class FamilyJob:
     Attributes
     ----------
     form
-        The family's name.
+        The name of a strand's own family.
     name, frame
         As a `Job`'s.
     about
         Lines that say what it is.
+    among
+        The family "dual_scattering" with the strands around, if it is that.
     """
 
     form: str
     name: str
     frame: Frame
     about: list[str]
+    among: FamilyAmong | None = None
 
 
 @dataclass(frozen=True)

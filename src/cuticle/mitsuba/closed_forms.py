@@ -19,6 +19,7 @@ from cuticle.scattering.any_fibre import DEGREES, FORMS, OF_R, Parameter
 from cuticle.scattering.bcsdf import luminance_weights
 from cuticle.scattering.chiang import RANGES, Chiang
 from cuticle.scattering.fibre import Fibre
+from cuticle.scattering.mean_strands import mean_strands
 from cuticle.scattering.through_strands import AZIMUTH_ROWS, COUNTED_2, own_energies, passed_through, through_tables
 
 Array = NDArray[np.float64]
@@ -106,19 +107,16 @@ def _tables(props: Any, fibre: Fibre | Chiang, scale: Any, tables: Any) -> None:
     mean = _mean_fibre(fibre, sigma_a)
     if min(mean.absorption) <= 0:  # light that is never absorbed leaves multiple scattering without a sum
         return
-    through, own = through_tables(mean), own_energies(mean)
-    lobes = through.lobes.copy()
-    lobes[:, 1:, :, 0, :3] -= np.log(own)  # a strand's own energies multiply these
+    around = mean_strands(mean)
     passed, limit = passed_through(mean)
     draw = draw_tables(mean, props["number_d_b"])
     for name, table in (
-        ("through_lobes", lobes), ("through_azimuth", through.azimuth), ("through_behind", through.behind),
+        ("through_lobes", around.lobes), ("through_azimuth", around.azimuth), ("through_behind", around.behind),
         ("draw_lobes", draw.lobes), ("draw_azimuth", draw.azimuth), ("transmittance", passed),
     ):  # fmt: skip
         props[name] = tensor(table)
-    props["through_limit"], props["transmittance_limit"] = through.limit, limit
-    alpha, beta = mean.half_angle_lobes if isinstance(mean, Chiang) else (mean.alpha, mean.beta)
-    props["mean_tilt"], props["mean_variance"] = mi.ScalarVector3d(*(2 * alpha)), mi.ScalarVector3d(*(4 * beta**2))
+    props["through_limit"], props["transmittance_limit"] = around.limit, limit
+    props["mean_tilt"], props["mean_variance"] = mi.ScalarVector3d(*around.tilt), mi.ScalarVector3d(*around.variance)
     props["mean_sigma_a"] = mi.ScalarVector3d(*np.broadcast_to(mean.absorption, 3).tolist())
     props["mean_absorption"] = spectrum(tuple(sigma_a.tolist()))
 

@@ -14,7 +14,7 @@ from cuticle.mitsuba.parameters import Parameters
 from cuticle.sampling.combining import combine
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.among_strands import Strands
-from cuticle.scattering.any_fibre import family
+from cuticle.scattering.any_fibre import Family
 from cuticle.scattering.bcsdf import Bcsdf
 from cuticle.scattering.chiang import Chiang
 from cuticle.scattering.dual_scattering import DualScattering
@@ -86,7 +86,7 @@ def _no_closed_form(function: Any) -> str | None:
     if not isinstance(function, (Fibre, Chiang)):
         return f"a {type(function).__name__} is no fibre of R, TT and TRT"
     try:
-        family("marschner" if isinstance(function, Fibre) else "chiang").sampler_at(function)
+        Family("marschner" if isinstance(function, Fibre) else "chiang").sampler_at(function)
     except ValueError as error:
         return str(error)
     return None

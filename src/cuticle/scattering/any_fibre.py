@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -81,6 +81,20 @@ class Fibres(Value):
         return f"Fibres({self.form}, shape {self.shape}, {self.channels} channels)"
 
 
+@dataclass(frozen=True)
+class Around:
+    """What surrounds a strand: the core's functions that know it, and what they take beside the strand's own."""
+
+    eval: Callable[..., None]
+    sample: Callable[..., None]
+    arrays: Mapping[str, NDArray] = field(default_factory=dict)
+    options: tuple[bool, ...] = ()
+
+    def flat(self, shape: tuple[int, ...]) -> tuple[Any, ...]:
+        """Return the arrays of a common shape as the core takes them, then the options."""
+        return *(validate.flat(a, shape) for a in self.arrays.values()), *self.options
+
+
 class Family(Value):
     """The far field of any fibre of a model, in closed form: f, its density and exact samples.
 
@@ -105,6 +119,8 @@ class Family(Value):
     >>> bool(np.all(s.pdf == chiang.pdf(s.theta_i, 0.2, s.phi, beta_m=roughness, eumelanin=1.3)))
     True
     """
+
+    among_others = False
 
     def __init__(self, form: str = "chiang") -> None:
         self.form = validate.choice("family", form, FORMS)
@@ -224,12 +240,13 @@ class Family(Value):
         ti = validate.angles("theta_i", theta_i, validate.HALF_PI, dtype)
         tr = validate.angles("theta_r", theta_r, validate.HALF_PI, dtype)
         ph = validate.angles("phi", phi, 4 * math.pi, dtype)
-        fibres = self._fibres(fibre, values)
-        shape = validate.broadcast(theta_i=ti, theta_r=tr, phi=ph, fibres=np.empty(fibres.shape))
+        around, own = self._around(values, dtype)
+        fibres = self._fibres(fibre, own)
+        shape = validate.broadcast(theta_i=ti, theta_r=tr, phi=ph, fibres=np.empty(fibres.shape), **around.arrays)
         f, pdf = np.empty((math.prod(shape), fibres.channels), dtype), np.empty(math.prod(shape), dtype)
         if pdf.size:
             ti, tr, ph = (validate.flat(a, shape) for a in (ti, tr, ph))
-            _core.far_eval(*self._rows(fibres, shape, dtype), ti, tr, ph, f, pdf)
+            around.eval(*self._rows(fibres, shape, dtype), ti, tr, ph, *around.flat(shape), f, pdf)
         return f.reshape(*shape, fibres.channels), pdf.reshape(shape)
 
     def sample(self, theta_r: ArrayLike, u: ArrayLike, fibre: Any = None, **values: ArrayLike) -> Sample:
@@ -253,21 +270,25 @@ class Family(Value):
         dtype = validate.float_type(theta_r, u)
         us = validate.random_triples(u, dtype)
         tr = validate.angles("theta_r", theta_r, validate.HALF_PI, dtype)
-        fibres = self._fibres(fibre, values)
-        shape = validate.broadcast(theta_r=tr, u=us[..., 0], fibres=np.empty(fibres.shape))
+        around, own = self._around(values, dtype)
+        fibres = self._fibres(fibre, own)
+        shape = validate.broadcast(theta_r=tr, u=us[..., 0], fibres=np.empty(fibres.shape), **around.arrays)
         count = math.prod(shape)
         theta_i, phi, pdf = (np.empty(count, dtype) for _ in range(3))
         if count:
             flat_u = np.ascontiguousarray(np.broadcast_to(us, (*shape, 3))).reshape(-1)
             f = np.empty((count, fibres.channels), dtype)
-            _core.far_sample(
-                *self._rows(fibres, shape, dtype), validate.flat(tr, shape), flat_u, theta_i, phi, f, pdf
-            )  # fmt: skip
+            rows, tr = self._rows(fibres, shape, dtype), validate.flat(tr, shape)
+            around.sample(*rows, tr, flat_u, *around.flat(shape), theta_i, phi, f, pdf)
         return Sample(theta_i.reshape(shape), phi.reshape(shape), pdf.reshape(shape))
 
     def sampler_at(self, fibre: Any = None, **values: ArrayLike) -> FibreSampler:
         """Return the function and sampler of one fibre, as `cuticle.audit`, `measure` and `fit` take them."""
         return FibreSampler(self, self._fibres(fibre, values))
+
+    def _around(self, values: Mapping[str, Any], dtype: Any) -> tuple[Around, Mapping[str, Any]]:
+        """Take what tells the surroundings out of keywords: of a strand alone there is nothing."""
+        return Around(_core.far_eval, _core.far_sample), values
 
     def _rows(self, fibres: Fibres, shape: tuple[int, ...], dtype: Any) -> tuple[bool, NDArray, NDArray, NDArray]:
         """What the core takes: the form, rows of parameters and of absorptions, and luminance weights."""
@@ -281,41 +302,50 @@ class Family(Value):
 
 
 class FibreSampler(Value, Plotted):
-    """A family's function and sampler of one fibre: `Family.sampler_at` makes it."""
+    """A family's function and sampler of one fibre: `Family.sampler_at` makes it.
+
+    Attributes
+    ----------
+    strands
+        The number of strands toward the light, in families that know them.
+    """
 
     even = True
-    strands = 0.0
 
-    def __init__(self, family: Family, fibre: Fibres) -> None:
+    def __init__(self, family: Family, fibre: Fibres, strands: float = 0.0) -> None:
         if fibre.shape != ():
             raise ValueError(f"sampler_at takes one fibre, got an array of shape {fibre.shape}")
-        self.family, self.fibre = family, fibre
+        self.family, self.fibre, self.strands = family, fibre, strands
 
     def __repr__(self) -> str:
-        values = ", ".join(f"{n}={v:.6g}" for n, v in zip(self.family.parameters, self.fibre.parameters, strict=True))
-        return f"FibreSampler({self.family.form}, radians: {values}, sigma_a={tuple(self.fibre.sigma_a.tolist())})"
+        names = FORMS[self.fibre.form]
+        values = ", ".join(f"{n}={v:.6g}" for n, v in zip(names, self.fibre.parameters, strict=True))
+        around = f", {self.strands:g} strands" if self.family.among_others else ""
+        return f"FibreSampler({self.family.form}, radians: {values}, sigma_a={tuple(self.fibre.sigma_a.tolist())}{around})"
 
     @property
     def channels(self) -> int:
         """Length of the last axis of what `eval` returns."""
         return self.fibre.channels
 
+    def with_strands(self, strands: float) -> FibreSampler:
+        """Return the same with another number of strands toward the light; ignored by families that know none."""
+        return FibreSampler(self.family, self.fibre, strands if self.family.among_others else 0.0)
+
     def eval(self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike) -> NDArray[np.float64]:
         """Return f in 1/sr, without a cosine; as `Family.eval`."""
-        return self.family.eval(theta_i, theta_r, phi, self.fibre)
+        return self.family.eval(theta_i, theta_r, phi, self.fibre, **self._strands(None))
 
     def pdf(self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike, strands: ArrayLike | None = None) -> NDArray:
-        """Return the density of `sample`, per steradian. `strands` is ignored."""
-        return self.family.pdf(theta_i, theta_r, phi, self.fibre)
+        """Return the density of `sample`, per steradian. `strands`: another number of them, or an array."""
+        return self.family.pdf(theta_i, theta_r, phi, self.fibre, **self._strands(strands))
 
     def sample(self, theta_r: ArrayLike, u: ArrayLike, strands: ArrayLike | None = None) -> Sample:
-        """Draw directions toward the light; as `Family.sample`. `strands` is ignored."""
-        return self.family.sample(theta_r, u, self.fibre)
+        """Draw directions toward the light; as `Family.sample`. `strands`: another number of them, or an array."""
+        return self.family.sample(theta_r, u, self.fibre, **self._strands(strands))
 
-
-def family(form: str) -> Family:
-    """Return the far field of any fibre of a model, "chiang" or "marschner": a `Family`."""
-    return Family(form)
+    def _strands(self, strands: ArrayLike | None) -> dict[str, ArrayLike]:
+        return {"strands": self.strands if strands is None else strands} if self.family.among_others else {}
 
 
 def _checked(name: str, value: ArrayLike, p: Parameter) -> NDArray[np.float64]:

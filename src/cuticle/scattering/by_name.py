@@ -36,8 +36,13 @@ class MadeOf(Protocol):
 
 def known_names() -> str:
     """Return the valid names, in words for a message."""
+    return f"{known_fibres().replace(' or a .toml', ', a .toml')}, {_endings()}, or {MITSUBA}PLUGIN"
+
+
+def known_fibres() -> str:
+    """Return those that denote parameters of a fibre, in words for a message."""
     tables = [f"[{name}]" for name in _toml_readers()]
-    return f"a preset ({', '.join(PRESETS)}), a .toml with {' or '.join(tables)}, {_endings()}, or {MITSUBA}PLUGIN"
+    return f"a preset ({', '.join(PRESETS)}) or a .toml with {' or '.join(tables)}"
 
 
 def read_parameters_or_model(name: str, parameters: Sequence[str] = (), *, progress: Progress | None = None) -> Any:

@@ -224,20 +224,12 @@ class DualScattering(Value, Plotted):
         >>> model.expected(0.1, 0.0, 3.0, [0.5, 2.0, 8.0], behind=3.0).shape
         (3, 3)
         """
-        n = _expected("strands", strands)
+        n = validate.strands_of_light("strands", strands)
         if behind is not None and not self._exact:
             raise ValueError('behind is for the formulation "exact"; "zinke2008" stays as printed: leave behind out')
-        b = np.array(np.finfo(np.float64).max) if behind is None else _expected("behind", behind)
+        b = np.array(np.finfo(np.float64).max) if behind is None else validate.strands_of_light("behind", behind)
         core = self._medium if behind is None else self._core
         return evaluate_core(core, self.channels, lobe_mask(lobes, PARTS), theta_i, theta_r, phi, n, b)
-
-
-def _expected(name: str, value: ArrayLike) -> NDArray[np.float64]:
-    x = np.asarray(value, np.float64)
-    wrong = x[~((x >= 0) & (x <= validate.MAX_STRANDS))]  # a NaN is wrong, too
-    if wrong.size:
-        raise ValueError(f"{name} must be in [0, {validate.MAX_STRANDS:,.0f}], got {float(wrong.flat[0]):g}")
-    return x
 
 
 @lru_cache(maxsize=16)

@@ -49,13 +49,13 @@ def own_energies(fibre: Fibre | Chiang) -> Array:
 
     Shape (rows, 3, channels); at least exp(-230), as in the tables.
     """
-    return _tables(_plain(fibre), False).own
+    return np.exp(_tables(_plain(fibre), False).log_own)
 
 
 class _Tables(NamedTuple):
     through: ThroughTables
     passed: Array
-    own: Array
+    log_own: Array
 
 
 def _plain(fibre: Fibre | Chiang) -> Fibre | Chiang:
@@ -73,8 +73,8 @@ def _tables(fibre: Fibre | Chiang, medium: bool) -> _Tables:
     tables = [_between(solved, np.stack(x, axis=-1), absorption) for x in zip(*columns, strict=True)]
     for table in tables:
         table.setflags(write=False)
-    lobes, azimuth, behind, passed, own = tables
-    return _Tables(ThroughTables(lobes, azimuth, behind, float(Directions().theta[-1])), passed, own)
+    lobes, azimuth, behind, passed, log_own = tables
+    return _Tables(ThroughTables(lobes, azimuth, behind, float(Directions().theta[-1])), passed, log_own)
 
 
 def _solved(absorption: Array) -> Array:
@@ -114,8 +114,8 @@ def _column(fibre: Fibre | Chiang, channel: int, medium: bool) -> tuple[Array, .
     halfway = np.stack([[one, half, *sheets[[3, 5, 7]]], random[[3, 5, 7, 9, 11]]])
     # A sheet more leaves 1 - share of what is missing; a Poisson number of them, exp(-share b).
     passed = transmittance_table([transport])[..., 0]
-    own = np.maximum(np.array([p.energy[::-1] for p in parts]).T, math.exp(_DARKEST))
-    return *_lobes_and_azimuth(d, nodes, halfway), transport.one_behind()[:, ::-1].T, passed, own
+    log_own = _log(np.array([p.energy[::-1] for p in parts]).T)
+    return *_lobes_and_azimuth(d, nodes, halfway), transport.one_behind()[:, ::-1].T, passed, log_own
 
 
 def transmittance_table(transports: Sequence[StrandTransport]) -> Array:
