@@ -1,6 +1,6 @@
 // Replays inputs through an exported family: rows of theta_i, theta_r, phi, which of fibres.h, three random numbers, and how
-// many strands are around, which PREPARE of fibres.h may ignore; out come f and its density, then theta_i, phi, pdf and f of a
-// sample.
+// many strands are around, which PREPARE of fibres.h may ignore; out come f and its density, then theta_i, phi, pdf and f of
+// a sample.
 #include "fibre.h"
 #include "fibres.h"
 
