@@ -38,7 +38,20 @@ def play(page: Path, folder: Path, *options: str) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("page", [p for p, found in RUN.items() if not all(b.slow for b in found)], ids=name)
+# Pages of which `make test-all` runs even what is quick: the README and the other pages show each command that they do.
+LATER = {
+    f"docs/{page}.md" for page in ("extending/fibre_model", "extending/verdict", "grooms", "models", "sampler", "sources")
+}
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(p, marks=pytest.mark.slow if name(p) in LATER else ())
+        for p, found in RUN.items() if not all(b.slow for b in found)
+    ],
+    ids=name,
+)  # fmt: skip
 def test_code_blocks_run(page: Path, tmp_path: Path) -> None:
     play(page, tmp_path)
 

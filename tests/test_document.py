@@ -219,6 +219,7 @@ def test_the_functions_make_a_sampler_at_once(reproduced: Document) -> None:
     assert cuticle.check(sampler, reproduced.model, theta_r=np.radians([-60, 0, 75]), strands=[0, 4], samples=100_000).ok
 
 
+@pytest.mark.slow
 def test_a_fibre_without_a_highlight_says_so(reproduced: Document, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its tables have none. Samplers are another fibre's: what they miss of this one is not looked at here."""
     monkeypatch.setattr(sys.modules[document.__module__], "fit", lambda *_, **__: reproduced.fits["draft"])

@@ -19,7 +19,9 @@ if importlib.util.find_spec("mitsuba") is None:
     pytest.skip("Mitsuba is not installed: pip install 'cuticle[mitsuba]'", allow_module_level=True)
 
 
-@pytest.mark.parametrize("kind", ["env", "studio", "area", "point", "sun"])
+@pytest.mark.parametrize(
+    "kind", ["env", "area", "point", *(pytest.param(k, marks=pytest.mark.slow) for k in ("studio", "sun"))]
+)
 def test_every_light_reaches_hair_through_hair(kind: str, ball: Groom, use_variant: UseVariant) -> None:
     mi = use_variant("scalar_rgb")
     direct = mean(mi, ball, bsdf("brown"), integrator("direct"), light=Light(kind))

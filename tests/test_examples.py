@@ -48,6 +48,7 @@ def run(command: list[str], folder: Path) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 def test_the_program_tests_its_own_samples(brown_sampler: cuticle.Sampler, tmp_path: Path) -> None:
     shutil.copy(ROOT / "examples/cpp/main.cpp", tmp_path)
     text = exported(brown_sampler, "cpp").text

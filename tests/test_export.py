@@ -322,6 +322,7 @@ def test_a_name_is_no_macro_of_the_headers_that_an_export_includes(
 # The headers where pip and CMake put them.
 
 
+@pytest.mark.slow
 def test_python_says_where_the_headers_lie() -> None:
     for option, expected in (("--include-dir", include_dir()), ("--cmake-dir", cmake_dir())):
         done = subprocess.run([sys.executable, "-m", "cuticle", option], capture_output=True, text=True, check=True)

@@ -25,7 +25,7 @@ def fuzz(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
-@pytest.mark.parametrize("count", [40, pytest.param(150, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [16, pytest.param(150, marks=pytest.mark.slow)])
 def test_damaged_files_are_refused_or_read_whole(count: int, tmp_path: Path) -> None:
     whole = (
         "a.hair",
@@ -54,6 +54,7 @@ def test_damaged_files_are_refused_or_read_whole(count: int, tmp_path: Path) -> 
         assert f"{name}: {count} inputs, 0 faults" in done.stdout
 
 
+@pytest.mark.slow
 def test_the_fuzzer_finds_readers_that_are_wrong(tmp_path: Path) -> None:
     wrong = {
         "crash": "crash (-11)",

@@ -170,6 +170,7 @@ def test_among_strands_says_what_python_says(variant: str, fibre: str, use_varia
         assert relative(said.pdf, material.combined.pdf(i.theta, r.theta, i.phi - r.phi)) <= 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("variant", ["scalar_rgb", "scalar_spectral", "llvm_ad_rgb", "llvm_ad_spectral", "cuda_ad_spectral"])
 def test_scale_multiplies_the_absorption(variant: str, use_variant: UseVariant) -> None:
     mi = use_variant(variant)

@@ -196,6 +196,7 @@ def test_the_browser_test_would_see_a_complaint_and_a_request(browser: Any, fold
     assert requests == ["http://localhost:9/x.png"]
 
 
+@pytest.mark.slow
 def test_it_reads_on_a_phone_in_the_dark_and_on_paper(browser: Any, folder: Path) -> None:
     visit(browser, (folder / "report.html").as_uri())
     light = browser.execute_script("return getComputedStyle(document.body).backgroundColor")

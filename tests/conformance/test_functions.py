@@ -108,7 +108,7 @@ def test_f_is_the_cores(kind: str, to: str, browser: Any, tmp_path: Path) -> Non
     np.testing.assert_allclose(got, expected(kind, x), **SINGLE)
 
 
-@pytest.mark.parametrize("kind", ["dual, exact", "dual, zinke2008"])
+@pytest.mark.parametrize("kind", ["dual, exact", pytest.param("dual, zinke2008", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("to", CARRIERS)
 def test_f_among_strands_that_are_random_or_have_an_end(kind: str, to: str, browser: Any, tmp_path: Path) -> None:
     x = cases(True)
