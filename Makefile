@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet install --no-compile
 NATIVE := $(wildcard src/native/* include/cuticle/* include/cuticle/*/* plugins/mitsuba/*) CMakeLists.txt pyproject.toml
 
-.PHONY: demo test test-all fuzz lint format bench docs pictures clean
+.PHONY: demo test test-all fuzz lint format bench docs pictures site clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.installed
@@ -20,7 +20,7 @@ test: $(VENV)/.installed-test
 	$(SIDE_BY_SIDE) -m 'not slow and not alone'
 
 # What `make test` leaves out: the same claims over compilers, variants and seeds, long renders, and what measures time.
-test-all: $(VENV)/.installed-test
+test-all: $(VENV)/.installed-test $(VENV)/.installed-site
 	$(SIDE_BY_SIDE) -m 'slow and not alone'
 	$(PYTEST) -m alone
 
@@ -68,9 +68,20 @@ $(VENV)/.installed-test: $(VENV)/.installed
 	else echo "some of $(TOOLS) are not here: tests that need them will be skipped"; fi
 	@touch $@
 
+$(VENV)/.installed-site: $(VENV)/.installed
+	$(PIP) 'ipykernel>=6' 'mkdocs-jupyter>=0.25' 'mkdocs-material>=9.5' 'mkdocstrings[python]>=0.27'
+	@touch $@
+
 $(VENV)/.installed-lint: $(VENV)/.installed
 	$(PIP) 'clang-format==19.1.7' 'mypy>=1.11' 'ruff>=0.8'
 	@touch $@
+
+# The site, tutorials executed, in build/site/html; a link that leads nowhere is an error. About a minute.
+export NO_MKDOCS_2_WARNING := 1
+site: $(VENV)/.installed-site
+	$(BIN)/python docs/site.py
+	$(BIN)/python -m mkdocs build --quiet
+	@echo "the site is in build/site/html: $(BIN)/python -m http.server -d build/site/html shows it"
 
 # The pictures in docs/, and docs/document.md, whose numbers the program writes.
 docs: demo
