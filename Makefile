@@ -20,7 +20,7 @@ test: $(VENV)/.installed-test
 	$(SIDE_BY_SIDE) -m 'not slow and not alone'
 
 # What `make test` leaves out: the same claims over compilers, variants and seeds, long renders, and what measures time.
-test-all: $(VENV)/.installed-test $(VENV)/.installed-site
+test-all: $(VENV)/.installed-test $(VENV)/.installed-site $(VENV)/.installed-slang
 	$(SIDE_BY_SIDE) -m 'slow and not alone'
 	$(PYTEST) -m alone
 
@@ -70,6 +70,10 @@ $(VENV)/.installed-test: $(VENV)/.installed
 
 $(VENV)/.installed-site: $(VENV)/.installed
 	$(PIP) 'ipykernel>=6' 'mkdocs-jupyter>=0.25' 'mkdocs-material>=9.5' 'mkdocstrings[python]>=0.27'
+	@touch $@
+
+$(VENV)/.installed-slang: $(VENV)/.installed
+	$(PIP) 'slangpy>=0.43'
 	@touch $@
 
 $(VENV)/.installed-lint: $(VENV)/.installed

@@ -175,6 +175,48 @@ def spirv_of(text: str, folder: Path) -> None:
     assert "WARNING" not in done.stdout, done.stdout
 
 
+def slang(made: Export, x: np.ndarray, folder: Path, driver: Any) -> np.ndarray:
+    """By Slang's own compiler, on the CPU."""
+    return shaded_slang(made.text, made, x)
+
+
+def shaded_slang(shader: str, made: Export, x: np.ndarray, asked: str | None = None) -> np.ndarray:
+    """Run a compute shader on slangpy's CPU device, an input a thread; texels come from a buffer in place of a texture."""
+    spy = pytest.importorskip("slangpy", reason="slangpy is not installed: pip install slangpy")
+    texels = np.frombuffer(made.data or bytes(16), np.float32).copy()  # slangpy takes what it may write to
+    text = f"""
+StructuredBuffer<float4> texels;
+StructuredBuffer<float> inputs;
+RWStructuredBuffer<float> answers;
+#define FIBRE_MODEL(i) texels[i]
+{shader}
+[shader("compute")][numthreads(64, 1, 1)] void replay(uint3 id : SV_DispatchThreadID) {{
+    float v[8];
+    for (int k = 0; k < 8; ++k) v[k] = inputs[8 * int(id.x) + k];
+    float4 a = float4(v[0], v[1], v[2], v[3]), u = float4(v[4], v[5], v[6], v[7]);
+    float4 answer = {asked or asked_of(made, x, "float4")};
+    for (int k = 0; k < 4; ++k) answers[4 * int(id.x) + k] = answer[k];
+}}
+"""
+    device = spy.create_device(spy.DeviceType.cpu)
+    module = device.load_module_from_source("replayed", text)
+    kernel = device.create_compute_kernel(device.link_program([module], [module.entry_point("replay")]))
+    rows = np.zeros((-(-len(x) // 64) * 64, 8), np.float32)
+    rows[: len(x), : x.shape[1]] = x
+    read, write = spy.BufferUsage.shader_resource, spy.BufferUsage.unordered_access
+    out = device.create_buffer(element_count=4 * len(rows), struct_size=4, usage=write)
+    kernel.dispatch(
+        thread_count=[len(rows), 1, 1],
+        vars={
+            "inputs": device.create_buffer(element_count=rows.size, struct_size=4, usage=read, data=rows.ravel()),
+            "texels": device.create_buffer(element_count=texels.size // 4, struct_size=16, usage=read, data=texels),
+            "answers": out,
+        },
+    )  # fmt: skip
+    got = out.to_numpy().view(np.float32).reshape(-1, 4)[: len(x)].astype(float)
+    return got if asked or x.shape[1] == SAMPLER else got[:, : made.model.channels]  # type: ignore[union-attr]
+
+
 def read_back(made: Export, x: np.ndarray, folder: Path, driver: Any) -> np.ndarray:
     """The sampler's file, by Python in single precision."""
     return python(Sampler.from_json(made.text), x)
@@ -201,4 +243,5 @@ HOSTS = {
     "glsl": Run(glsl, reassociates=True),
     "hlsl": Run(hlsl, reassociates=True),
     "json": Run(read_back),
+    "slang": Run(slang, reassociates=True),
 }

@@ -153,8 +153,11 @@ def shaded(form: str, to: str, folder: Path, browser: Any, made: Export | None =
     text += f"{four} drawn(FIBRE_Drawn d) {{ return {four}(d.theta_i, d.phi, d.pdf, 0.0); }}\n"
     field = "field_of(int(a.w + 0.5), a.y)"
     answers = [f"fibre_prepared_eval({field}, a.x, a.z)", f"drawn(fibre_prepared_sample({field}, u.xyz))"]
-    run = hosts.shaded if to == "glsl" else hosts.shaded_hlsl
-    got = [run(text, Export(text, 0), cases(), folder, browser, asked=answer) for answer in answers]
+    if to == "slang":
+        got = [hosts.shaded_slang(text, Export(text, 0), cases(), answer) for answer in answers]
+    else:
+        run = hosts.shaded if to == "glsl" else hosts.shaded_hlsl
+        got = [run(text, Export(text, 0), cases(), folder, browser, asked=answer) for answer in answers]
     return np.concatenate([got[0], got[1][:, :3]], axis=1)
 
 
@@ -188,7 +191,7 @@ def test_a_family_in_double_precision(form: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("form", ["chiang", "marschner"])
-@pytest.mark.parametrize("to", ["glsl", "hlsl"])
+@pytest.mark.parametrize("to", ["glsl", "hlsl", "slang"])
 def test_a_family_in_a_shader(form: str, to: str, browser: Any, tmp_path: Path) -> None:
     compare(form, shaded(form, to, tmp_path, browser), **SINGLE)
 

@@ -175,7 +175,7 @@ def test_glsl_validates(sampler: Any, version: str, tmp_path: Path) -> None:
     assert "WARNING" not in done.stdout
 
 
-@pytest.mark.parametrize("to", ["cpp", "glsl", pytest.param("hlsl", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("to", ["cpp", "glsl", *(pytest.param(to, marks=pytest.mark.slow) for to in ("hlsl", "slang"))])
 def test_another_family_of_lobes(to: str, x: Any, document_fit: Any, browser: Any, tmp_path: Path) -> None:
     """The same table read as logistic lobes."""
     sampler = replace(document_fit.sampler, family="logistic")
@@ -195,7 +195,7 @@ def test_another_family_of_lobes(to: str, x: Any, document_fit: Any, browser: An
 @pytest.mark.parametrize(("to", "name"), [(to, name) for to in HOSTS if to != "json" for name in BROKEN])
 def test_a_wrong_constant_is_caught(to: str, name: str, x: Any, document_fit: Any, browser: Any, tmp_path: Path) -> None:
     """In what is exported."""
-    right, wrong = NODE_OF_SHADERS if name == "node" and to in ("glsl", "hlsl") else BROKEN[name]
+    right, wrong = NODE_OF_SHADERS if name == "node" and to in ("glsl", "hlsl", "slang") else BROKEN[name]
     made = written(document_fit.sampler, to)
     assert right in made.text
     host = HOSTS[to]

@@ -2,7 +2,8 @@
 
 Sources: C++23 [lex.key], [reserved.names], [zombie.names]; the C library's functions, which implementations declare
 outside `std`, too; the CUDA C++ Programming Guide's extensions; pbrt-v4's sources; GLSL 4.60 and GLSL ES 3.20,
-section 3.6; the HLSL reference's keywords and reserved words.
+section 3.6; the HLSL reference's keywords and reserved words; the Slang
+language reference.
 """
 
 from __future__ import annotations
@@ -45,6 +46,11 @@ _GLSL = """
     sizeof smooth static struct subroutine superp switch template texture texture2D this true typedef uimage2D uint
     uniform union unsigned usampler2D usampler3D usamplerCube using uvec2 uvec3 uvec4 varying vec2 vec3 vec4 void
     volatile while writeonly
+"""
+_SLANG = """
+    __exported __global __init __subscript __target_intrinsic as associatedtype borrow bwd_diff dyn each enum_class expand
+    extension func functype fwd_diff get import implementing instance interface internal is let module none no_diff
+    nullptr optional property public set some spirv_asm T This typealias var where select
 """
 _HLSL = """
     AppendStructuredBuffer Buffer ByteAddressBuffer ConstantBuffer RWBuffer RWStructuredBuffer RWTexture2D SamplerState
@@ -89,3 +95,4 @@ CUDA = CPP | frozenset(_CUDA.split())
 PBRT = CPP | frozenset(_PBRT.split())
 GLSL = frozenset(_GLSL.split())
 HLSL = frozenset(_HLSL.split()) | _NUMBERS | _MATRICES
+SLANG = HLSL | frozenset(_SLANG.split())
