@@ -9,7 +9,6 @@ from cuticle.export.registry import Host
 from cuticle.export.reserved_words import SLANG
 from cuticle.export.shader import Dialect, shader
 
-
 _WORDS = """
     This extension func import internal let property public select var where
 """
