@@ -14,12 +14,12 @@ from cuticle._support.files import check_directory, check_file, make_directory, 
 from cuticle.cli.terminal import STANDARD_OUTPUT, check_output, err, out, progress_bar, refuse_idle, write_output
 from cuticle.export import HOSTS, MAX_TABLE, amalgamate, check_frame, check_name, export, export_family
 from cuticle.export.family import family_writer
-from cuticle.export.frames import DEFAULT_FRAME, FRAMES
 from cuticle.export.hosts.web import LOBES
 from cuticle.export.registry import Export, host
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.any_fibre import FORMS
 from cuticle.scattering.by_name import model_of
+from cuticle.scattering.frames import DEFAULT_FRAME, FRAMES
 
 
 def command(
