@@ -137,8 +137,9 @@ class DualScattering(Value, Plotted):
 
     def _among(self, *, medium: bool) -> _core.Model:
         f, tables = self.fibre, self.single.tables
-        exact = self._exact
-        others = through_tables(f, medium=medium) if exact else (tables.spread, self.average_table, AVERAGE_LIMIT)
+        others: tuple[Any, ...] = (tables.spread, self.average_table, AVERAGE_LIMIT)
+        if self._exact:
+            others = through_tables(f, medium=medium)
         return _core.Model(f.alpha, f.beta, tables.direct, *others, f.d_f, f.d_b)
 
     @cached_property
