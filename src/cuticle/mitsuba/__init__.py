@@ -22,7 +22,7 @@ from typing import Any
 from cuticle import _core
 from cuticle._support.backends import check_backend
 from cuticle._support.extras import needed
-from cuticle.fitting.fit import OWN
+from cuticle.fitting.samplings import OWN
 
 __all__ = ["MITSUBA_VERSION", "VARIANTS", "Material", "build", "read_material", "register", "strand_texture"]
 

@@ -9,7 +9,7 @@ import mitsuba as mi
 import numpy as np
 
 from cuticle._support import validate
-from cuticle.fitting.fit import SAMPLINGS
+from cuticle.fitting.samplings import SAMPLINGS
 from cuticle.sampling.lobe_table import MAX_LOBES
 from cuticle.scattering.chiang import Chiang
 from cuticle.scattering.fibre import LOBES, Fibre

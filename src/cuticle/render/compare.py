@@ -15,7 +15,7 @@ from cuticle._support import validate
 from cuticle._support.extras import needed
 from cuticle._support.files import make_directory, write_bytes, write_text
 from cuticle._support.progress import Progress, expect
-from cuticle.fitting.fit import FITTED
+from cuticle.fitting.samplings import FITTED
 from cuticle.grooms.groom import Groom
 from cuticle.render.picture import Image, Pass, expected_seconds, over_backdrop, passes, rel_mse, render, srgb
 from cuticle.render.scene import Light, View, bsdf, integrator, load_scene, mitsuba

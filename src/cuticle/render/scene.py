@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cuticle._support import validate
 from cuticle._support.backends import check_backend
-from cuticle.fitting.fit import SAMPLINGS
+from cuticle.fitting.samplings import SAMPLINGS
 from cuticle.grooms.bust import Bust
 from cuticle.grooms.groom import Groom
 from cuticle.scattering.any_fibre import ABSORPTION, TEXTURED

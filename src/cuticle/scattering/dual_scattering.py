@@ -137,10 +137,10 @@ class DualScattering(Value, Plotted):
 
     def _among(self, *, medium: bool) -> _core.Model:
         f, tables = self.fibre, self.single.tables
-        others: tuple[Any, ...] = (tables.spread, self.average_table, AVERAGE_LIMIT)
         if self._exact:
-            others = through_tables(f, medium=medium)
-        return _core.Model(f.alpha, f.beta, tables.direct, *others, f.d_f, f.d_b)
+            return _core.Model(f.alpha, f.beta, tables.direct, *through_tables(f, medium=medium), f.d_f, f.d_b)
+        averages = self.average_table
+        return _core.Model(f.alpha, f.beta, tables.direct, tables.spread, averages, AVERAGE_LIMIT, f.d_f, f.d_b)
 
     @cached_property
     def _medium(self) -> _core.Model:
