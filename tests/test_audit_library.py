@@ -113,7 +113,7 @@ def test_a_library_that_writes_too_much_or_lacks_a_function_is_one_line(tmp_path
         (library(tmp_path, ROWS="+ 1"), "cuticle_audit_sample wrote past the end of its array"),
         (library(tmp_path, without), "exports no function cuticle_audit_pdf"),
         (tmp_path / "text.so", "cannot load library"),
-        (tmp_path / "none.so", "No such file"),
+        (tmp_path / "none.so.1", "No such file"),
     )
     for path, message in cases:
         with pytest.raises(ValueError, match=message) as caught:

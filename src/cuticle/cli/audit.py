@@ -42,7 +42,10 @@ _ENDINGS = {".npz": DUMP, ".csv": DUMP, ".toml": CHIANG, ".so": LIBRARY, ".dylib
 
 
 def _kind(source: str) -> str:
-    return PLUGIN if source.startswith(MITSUBA) else _ENDINGS.get(Path(source).suffix.lower(), SAMPLER)
+    if source.startswith(MITSUBA):
+        return PLUGIN
+    path = Path(source)
+    return LIBRARY if ".so." in path.name else _ENDINGS.get(path.suffix.lower(), SAMPLER)  # libmine.so.1
 
 
 class _Asked(NamedTuple):
