@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,8 +18,9 @@ from command import refused, run
 from cuticle.checking.compare_audits import compare_audits
 from cuticle.checking.shared_library import LibrarySampler
 from cuticle.export.headers import include_dir
+from cuticle.report.audit_page import write_audit_page
 from test_audit import failed
-from test_report import read
+from test_report import read, visit
 
 pytestmark = pytest.mark.skipif(shutil.which("c++") is None, reason="there is no C++ compiler")
 PAGE = Path(__file__).parents[1] / "docs/audit.md"
@@ -172,6 +174,13 @@ def test_two_side_by_side(tmp_path: Path) -> None:
     done = run("audit", "--compare", str(right), str(right), *options, "--json", cwd=tmp_path)
     assert done.returncode == 0
     assert all(v["distance"] == 0 for v in json.loads(done.stdout)["viewers"])
+
+
+def test_a_browser_opens_the_page_without_a_complaint_or_a_request(browser: Any, tmp_path: Path) -> None:
+    report = cuticle.audit(cuticle.Chiang(eumelanin=1.3).near(0.1), theta_r=[0.3], samples=20_000)
+    page = write_audit_page(tmp_path / "audit.html", compare_audits(report, report))
+    assert visit(browser, page.as_uri()) == ([], [])
+    assert browser.execute_script("return [...document.images].map(i => i.naturalWidth)") == [1860, 1860]
 
 
 def test_a_comparison_says_where_two_pdfs_differ_and_whether_f_is_one() -> None:

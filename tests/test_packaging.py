@@ -7,6 +7,7 @@ import importlib.util
 import re
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -90,3 +91,18 @@ def test_a_wheel_that_was_made_works_where_nothing_is_installed() -> None:
     command = [sys.executable, str(ROOT / "tests/try_wheel.py"), str(fitting[0])]
     ran = subprocess.run(command, capture_output=True, text=True, check=False)
     assert ran.returncode == 0, ran.stdout + ran.stderr
+
+
+@pytest.mark.slow
+def test_a_wheel_that_holds_nothing_is_found_out(tmp_path: Path) -> None:
+    wheel = tmp_path / "cuticle-0.1.0-py3-none-any.whl"
+    info = "cuticle-0.1.0.dist-info"
+    with zipfile.ZipFile(wheel, "w") as archive:
+        archive.writestr("cuticle/__init__.py", "")
+        archive.writestr(f"{info}/METADATA", "Metadata-Version: 2.1\nName: cuticle\nVersion: 0.1.0\n")
+        archive.writestr(f"{info}/WHEEL", "Wheel-Version: 1.0\nGenerator: test\nRoot-Is-Purelib: true\nTag: py3-none-any\n")
+        archive.writestr(f"{info}/RECORD", "")
+    command = [sys.executable, str(ROOT / "tests/try_wheel.py"), str(wheel)]
+    ran = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert ran.returncode == 1
+    assert "FAILED" in ran.stderr
