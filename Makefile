@@ -48,8 +48,8 @@ WHEEL_TOOLS := 'abi3audit>=0.0.11' 'auditwheel>=6.1' 'check-wheel-contents>=0.6'
 wheel: | $(BIN)/python
 	$(PIP) $(WHEEL_TOOLS)
 	rm -rf dist
-	$(BIN)/python -m pip --disable-pip-version-check wheel --no-deps -w dist/raw -C cmake.define.CUTICLE_DISPATCH=ON \
-		-C cmake.define.CUTICLE_NATIVE=OFF .
+	$(BIN)/python -m pip --disable-pip-version-check wheel --no-deps -w dist/raw \
+		--config-settings=cmake.define.CUTICLE_DISPATCH=ON --config-settings=cmake.define.CUTICLE_NATIVE=OFF .
 	PATH="$(abspath $(BIN)):$$PATH" auditwheel repair --exclude libmitsuba.so --exclude 'libdrjit-*.so' \
 		--exclude libnanothread.so -w dist dist/raw/*.whl
 	$(BIN)/check-wheel-contents dist/*.whl

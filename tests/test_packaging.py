@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.metadata
-import importlib.util
 import re
 import subprocess
 import sys
@@ -68,15 +67,6 @@ def test_the_extension_follows_the_processor(flags: str | None, v3: bool, tmp_pa
     if flags is not None:
         (tmp_path / "cpuinfo").write_text(f"processor\t: 0\nmodel name\t: avx2 fma\nflags\t\t: {flags}\n" + "x" * 10_000)
     assert names["_runs_v3"]() is v3  # type: ignore[operator]
-
-
-@pytest.mark.skipif(importlib.util.find_spec("cuticle._native_v3") is None, reason="one extension: `make wheel` makes two")
-def test_the_baseline_can_be_asked_for() -> None:
-    code = "from cuticle import _core; print(_core.__name__)"
-    ran = subprocess.run(
-        [sys.executable, "-c", code], env={"CUTICLE_BASELINE": "1"}, capture_output=True, text=True, check=True
-    )
-    assert ran.stdout.strip() == "cuticle._native"
 
 
 @pytest.mark.slow

@@ -9,6 +9,7 @@ processor, and the first that fails ends the program with exit code 1.
 from __future__ import annotations
 
 import os
+import platform
 import shutil
 import subprocess
 import sys
@@ -28,8 +29,10 @@ from cuticle import _core
 u = np.random.default_rng(1).random((1000, 3))
 theta_i, phi, pdf = cuticle.family("chiang").sample(0.3, u, eumelanin=1.3)
 assert np.isfinite(pdf).all() and (pdf > 0).all()
-print(_core.__name__.rpartition(".")[2], end="")
+there = cuticle.family("chiang").pdf(np.linspace(-1.5, 1.5, 1000), 0.3, np.linspace(-3, 3, 1000), eumelanin=1.3)
+print(_core.__name__.rpartition(".")[2], f"{there.sum():.9g}", end="")
 """
+BASELINE = "import os; os.environ['CUTICLE_BASELINE'] = '1'\n"
 PLUGIN = """
 import mitsuba as mi
 mi.set_variant("scalar_rgb")
@@ -115,8 +118,11 @@ def try_wheel(wheel: Path) -> None:
         if names != {"cuticle", "numpy", "scipy"}:
             sys.exit(f"FAILED: it brings {', '.join(sorted(names))}")
         with trial.step("import cuticle, 1,000 samples of any fibre"):
-            core = trial.run("python", "-c", LIBRARY)
+            core, total = trial.run("python", "-c", LIBRARY).split()
         print(f"                   with the extension {core}")
+        if trial.run("python", "-c", BASELINE + LIBRARY).split() != ["_native", total]:
+            sys.exit("FAILED: CUTICLE_BASELINE=1 does not load the extension for any processor, or its densities are others")
+        instructions(trial)
         told = trial.run("cuticle", "--help", code=2)
         if told.count("\n") != 1 or "pip install 'cuticle[cli]'" not in told:
             sys.exit(f"FAILED: without its extra the command line says {told!r}")
@@ -127,6 +133,18 @@ def try_wheel(wheel: Path) -> None:
             with trial.step("mi.load_dict of the BSDF, a sample; the integrator"):
                 trial.run("python", "-c", PLUGIN)
     print(f"{wheel.name} works")
+
+
+def instructions(trial: Trial) -> None:
+    """Read which registers the extensions use, where that can be done: those of AVX in the second one only."""
+    disassembler = shutil.which("objdump")
+    if disassembler is None or sys.platform != "linux" or platform.machine() != "x86_64":
+        return
+    folder = Path(trial.run("python", "-c", "from cuticle import _core; print(_core.__file__)").strip()).parent
+    for file in folder.glob("_native*.so"):
+        found = subprocess.run([disassembler, "-d", str(file)], capture_output=True, text=True, check=True).stdout
+        if ("%ymm" in found) != ("_v3" in file.name):
+            sys.exit(f"FAILED: {file.name} {'uses' if '%ymm' in found else 'does not use'} the registers of AVX")
 
 
 def command_line(trial: Trial) -> None:
