@@ -41,6 +41,12 @@ _IDLE = {  # options that do nothing with each
 _ENDINGS = {".npz": DUMP, ".csv": DUMP, ".toml": CHIANG, ".so": LIBRARY, ".dylib": LIBRARY, ".dll": LIBRARY}
 
 
+def _target(text: str) -> tuple[str, list[str]]:
+    """Return a target's name, and a plugin's parameters that stand with it in quotation marks."""
+    name, *parameters = text.split() if text.startswith(MITSUBA) else [text]
+    return name, parameters
+
+
 def _kind(source: str) -> str:
     if source.startswith(MITSUBA):
         return PLUGIN
@@ -94,10 +100,9 @@ def command(
     json_output: JsonOption = False,
 ) -> None:
     """Audit any sampler: do its samples follow its pdf? Exit code 1 if a verdict fails, 3 if one is inconclusive."""
-    targets = [(source, parameters or [])]
-    if compare is not None:
-        words = compare.split() if compare.startswith(MITSUBA) else [compare]
-        targets.insert(0, (words[0], words[1:]))
+    first = [] if compare is None else [_target(compare)]
+    source, given = _target(source)
+    targets = [*first, (source, [*given, *(parameters or [])])]
     for name, given in targets:
         if given and not name.startswith(MITSUBA):
             raise ValueError(f"key=value parameters go with {MITSUBA}PLUGIN, got {given[0]!r} with {name!r}")
