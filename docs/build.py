@@ -68,7 +68,7 @@ def table_3_differences(model: cuticle.DualScattering, printed: Printed, strands
 
 def table_3_study(model: cuticle.DualScattering, printed: Printed) -> dict[str, Any]:
     """Return what other numbers of cosines, and a backscatter without the factor pi, make of table 3."""
-    weaker = cuticle.DualScattering(model.fibre.model_copy(update={"d_b": model.fibre.d_b / math.pi}))
+    weaker = cuticle.DualScattering(model.fibre.replace(d_b=model.fibre.d_b / math.pi))
     rows = []
     for n in (1.0, 2.0, 4.0, 8.0):
         by_power = [table_3_differences(model, printed, n, p) for p in (1, 2, 3, 4)]

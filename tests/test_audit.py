@@ -168,7 +168,7 @@ class Changed:
         s = self.near.sample(theta_r, u)
         theta, phi, pdf = s.theta_i.copy(), s.phi, s.pdf
         if self.change == "tilt after":
-            flat = Chiang(**{**self.near.model.model_dump(exclude_none=True), "alpha": 0.0}).near(self.near.h)
+            flat = Chiang(**{**self.near.model.values(), "alpha": 0.0}).near(self.near.h)
             s = flat.sample(theta_r, u)
             chance = np.array([_energy(flat, theta_r, lobe) for lobe in ("R", "TT", "TRT", "rest")])
             lobe = np.searchsorted(np.cumsum(chance / chance.sum())[:-1], u[:, 0], side="right")

@@ -98,7 +98,7 @@ def test_a_dump_that_is_none_is_one_line(arrays: dict[str, np.ndarray], message:
 @pytest.mark.skipif(shutil.which("g++") is None, reason="g++ is not installed")
 def test_the_dump_that_the_docs_show(tmp_path: Path) -> None:
     text = (Path(__file__).parents[1] / "docs/audit.md").read_text(encoding="utf-8")
-    code = text.split("```cpp\n")[1].split("```")[0]
+    code = next(c for c in text.split("```cpp\n") if "void dump(" in c).split("```")[0]
     program = """
 #include <cmath>
 #include <random>

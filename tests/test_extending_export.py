@@ -13,8 +13,8 @@ import pytest
 from conformance import hosts as conformance
 from conformance import replay
 from cuticle.export import export_family, hosts, registry
-from cuticle.export.frames import FRAMES
 from cuticle.export.registry import Job
+from cuticle.scattering.frames import FRAMES
 
 PAGE = Path(__file__).parents[1] / "docs/extending/export_host.md"
 

@@ -213,7 +213,7 @@ def broken(text: str, change) -> str:
         (lambda t: broken(t, lambda d: d.update(lobes=7)), "its header says"),
         (lambda t: broken(t, lambda d: d.update(strands=[0, 2, 1, 4, 8])), "strands must be increasing"),
         (lambda t: broken(t, lambda d: d.update(strands=[0, 1, 2, 4, 1e20])), "from 0 on, up to 10000"),
-        (lambda t: broken(t, lambda d: d.pop("energy")), "energy: Field required"),
+        (lambda t: broken(t, lambda d: d.pop("energy")), "energy is missing"),
         (lambda t: broken(t, lambda d: d.update(format="other")), 'its "format" is not "cuticle-sampler"'),
         (lambda t: "[1, 2]", 'its "format" is not'),
     ],

@@ -179,7 +179,7 @@ def test_a_fit_is_read_back_equal(tmp_path: Path) -> None:
         ({"version": 2}, "newer than 1"),
         ({"ess": [[1.0]]}, r"ess must have shape \(1, 9\), got \(1, 1\)"),
         ({"sampler": {}}, 'its "format" is not "cuticle-sampler"'),
-        ({"seconds": "long"}, "seconds: "),
+        ({"seconds": "long"}, "seconds must be of type number"),
     ],
 )
 def test_a_wrong_fit_is_refused_in_one_line(change: dict[str, Any], message: str, tmp_path: Path) -> None:

@@ -3,9 +3,7 @@
 The public names are in `__init__.pyi`; a name's module is imported when the name is first asked for.
 """
 
-import lazy_loader
+from cuticle._support import lazy, moved
 
-from cuticle._support import moved
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
 moved.install()

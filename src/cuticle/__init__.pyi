@@ -9,6 +9,7 @@ from .checking.audit import audit as audit
 from .checking.check import Report as Report
 from .checking.check import check as check
 from .checking.sample_file import audit_dump as audit_dump
+from .checking.shared_library import audit_library as audit_library
 from .draft.document import Document as Document
 from .draft.document import document as document
 from .fitting.fit import fit as fit

@@ -21,7 +21,7 @@ nb::object in_one_line(const nb::callable &function, const nb::object &argument)
 
 }  // namespace
 
-NB_MODULE(_core, m) {
+NB_MODULE(CUTICLE_MODULE, m) {
     nb::set_leak_warnings(false);  // a table that lives until the program ends is no leak
     m.doc() = "The compiled core of cuticle. Its callers validate and shape the arrays; use the package instead.";
     m.def("in_one_line", &in_one_line);

@@ -14,10 +14,10 @@ import cuticle
 from conformance import hosts
 from conformance.hosts import HOSTS
 from cuticle.export import registry
-from cuticle.export.frames import FRAMES
 from cuticle.export.registry import Export, Job
 from cuticle.scattering.compact_table import FunctionTable
 from cuticle.scattering.fibre_tables import FibreTables
+from cuticle.scattering.frames import FRAMES
 
 SINGLE, DOUBLE = dict(rtol=2e-3, atol=1e-6), dict(rtol=1e-4, atol=1e-9)
 FIBRE = cuticle.Fibre(alpha_R=-3, beta_R=9, beta_N=12, sigma_a=(0.2, 0.5, 1.1), eta=1.55)

@@ -17,8 +17,8 @@ import cuticle
 from conformance import hosts, replay
 from conformance.hosts import HOSTS
 from cuticle.export import formulas, headers, registry
-from cuticle.export.frames import FRAMES
 from cuticle.export.registry import Export, Job
+from cuticle.scattering.frames import FRAMES
 
 COUNTS = (0.0, 1.0, 2.0, 4.0, 8.0)
 FLAGS = {"O2": ("-O2",), "native": ("-O3", "-march=native"), "fast": ("-O3", "-ffast-math")}

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
 import sys
 import warnings
+from importlib import import_module
 from types import ModuleType
-from typing import Any
+
+TYPE_CHECKING = False  # as type checkers know it: `import cuticle` imports this module, and leaves `typing` out
+if TYPE_CHECKING:
+    from typing import Any
 
 MOVED = {
     "conventions": "scattering.conventions",
@@ -37,7 +40,7 @@ class _Moved(ModuleType):
             raise AttributeError(name)
         new = self.__dict__["_new"]
         for place in _held(new):
-            module = importlib.import_module(place)
+            module = import_module(place)
             if hasattr(module, name):
                 warnings.warn(f"{self.__name__} has moved: import {name} from {place}", DeprecationWarning, stacklevel=2)
                 return getattr(module, name)

@@ -54,6 +54,11 @@ def gauss_legendre(edges: Array, order: int) -> tuple[Array, Array]:
     return (edges[:-1, None] + half * (1 + x)).ravel(), (half * w).ravel()
 
 
+def trapezoid(x: Array) -> Array:
+    """Return the weights of the trapezoidal rule at increasing positions."""
+    return np.convolve(np.diff(x), [0.5, 0.5])
+
+
 _leggauss = lru_cache(np.polynomial.legendre.leggauss)
 
 

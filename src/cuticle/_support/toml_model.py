@@ -2,41 +2,42 @@
 
 from __future__ import annotations
 
-import copy
 import os
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
-from pydantic import BaseModel, ConfigDict
-
 from cuticle._support.files import read_text, read_toml, toml_table, write_text
 from cuticle._support.plain_values import html_table
-from cuticle._support.values import without_caches
+from cuticle._support.values import Value
 
 T = TypeVar("T", bound="TomlModel")
 
 
-class TomlModel(BaseModel):
+@dataclass(frozen=True, init=False, eq=False)
+class TomlModel(Value):
     """Frozen parameters that read and write themselves as TOML.
 
-    A class sets the name of its table, and `table_remedy`, which error messages end with.
+    A class is a dataclass like this one, whose fields have defaults. It sets the name of its table, and `table_remedy`,
+    which error messages end with. Its `__init__` checks the values.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
     table_name: ClassVar[str]
     table_remedy: ClassVar[str]
 
-    def __getstate__(self) -> dict[Any, Any]:
-        state = super().__getstate__()
-        return state | {"__dict__": without_caches(type(self), state["__dict__"])}
+    def __init__(self, **values: Any) -> None:
+        for f in fields(self):
+            object.__setattr__(self, f.name, values.get(f.name, f.default))
 
-    def __copy__(self: T) -> T:
-        other = type(self).__new__(type(self))
-        other.__setstate__(copy.deepcopy(self.__getstate__()))
-        return other
+    @classmethod
+    def names(cls) -> tuple[str, ...]:
+        """Return the names of the parameters."""
+        return tuple(f.name for f in fields(cls))
 
-    def __deepcopy__(self: T, memo: dict[int, Any] | None = None) -> T:
-        return self.__copy__()
+    def values(self, *, without_defaults: bool = False) -> dict[str, Any]:
+        """Return the parameters that are set, by their names; if asked, only those that are not the default's."""
+        found = {f.name: (getattr(self, f.name), f.default) for f in fields(self)}
+        return {k: v for k, (v, default) in found.items() if v is not None and not (without_defaults and v == default)}
 
     @classmethod
     def from_toml(cls: type[T], text: str, *, source: str = "TOML") -> T:
@@ -55,10 +56,10 @@ class TomlModel(BaseModel):
 
     def to_toml(self) -> str:
         """Return TOML text that `from_toml` reads back to an equal value."""
-        return toml_table(self.table_name, self.model_dump(exclude_none=True))
+        return toml_table(self.table_name, self.values())
 
     def _repr_html_(self) -> str:
-        return html_table(type(self).__name__, ("parameter", "value"), self.model_dump(exclude_none=True).items())
+        return html_table(type(self).__name__, ("parameter", "value"), self.values().items())
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write it to a TOML file, whole or not at all."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterable, Mapping
 from itertools import pairwise
 from typing import Any
@@ -94,7 +95,8 @@ def real(name: str, value: Any) -> NDArray:
 
     Those are complex numbers, texts, booleans, dates, objects, and masked arrays, whose mask would be lost.
     """
-    if isinstance(value, np.ma.MaskedArray):
+    masked = sys.modules.get("numpy.ma")  # nothing is masked before it is imported, which takes as long as half of NumPy
+    if masked is not None and isinstance(value, masked.MaskedArray):
         raise TypeError(
             f"{name} must be an array of numbers, got a masked array; .filled(np.nan) makes holes of what is masked"
         )

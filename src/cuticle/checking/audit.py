@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cuticle._support import validate
+from cuticle._support.extras import needed
 from cuticle._support.files import write_bytes
 from cuticle.checking.audit_viewer import MEAN_CELLS, measure_viewer
 from cuticle.checking.foreign_sampler import foreign_sampler
@@ -51,7 +52,8 @@ class Audit(Judged):
 
         It shows the worst viewer, or the one nearest to `theta_r` (radians).
         """
-        from cuticle.checking.audit_figure import audit_figure
+        with needed("a picture"):
+            from cuticle.checking.audit_figure import audit_figure
 
         shown = self.worst if theta_r is None else min(self.cases, key=lambda m: abs(m.theta_r - theta_r))
         data = audit_figure(shown, name=self.name, ok=self.ok, samples=self.samples)

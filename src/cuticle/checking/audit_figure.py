@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.colors import TwoSlopeNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from numpy.typing import NDArray
 
 from cuticle._support.plots import INK, MAP, PALE, PAPER, figure_bytes
 from cuticle.checking.measurements import AuditMeasurement
@@ -22,7 +21,7 @@ def audit_figure(m: AuditMeasurement, *, name: str, ok: bool, samples: int) -> b
     assert m.maps is not None
     maps = m.maps
     theta, phi = np.linspace(-np.pi / 2, np.pi / 2, _CELLS[0] + 1), np.linspace(-np.pi, np.pi, _CELLS[1] + 1)
-    claimed, drawn = (_spread(x, maps.theta, maps.phi, theta, phi) for x in (maps.claimed, maps.drawn))
+    claimed, drawn = (maps.spread(x, theta, phi) for x in (maps.claimed, maps.drawn))
     area = np.outer(np.diff(np.sin(theta)), np.diff(phi))
     top = max(float(np.quantile(claimed / area, 0.999)), 1e-12)
     score = (drawn - claimed) * samples / np.sqrt(np.maximum(claimed * samples, 1.0))
@@ -64,13 +63,3 @@ def _axes(figure: Figure, place: Any, title: str, *, left: bool) -> Any:
     for spine in axes.spines.values():
         spine.set_color("#3a3d44")
     return axes
-
-
-def _spread(x: NDArray, theta: NDArray, phi: NDArray, to_theta: NDArray, to_phi: NDArray) -> NDArray:
-    """Return the probabilities in other cells, if each is spread evenly over its own cell."""
-
-    def share(edges: NDArray, to: NDArray) -> NDArray:
-        low, high = np.maximum(edges[None, :-1], to[:-1, None]), np.minimum(edges[None, 1:], to[1:, None])
-        return np.maximum(high - low, 0) / np.diff(edges)
-
-    return share(theta, to_theta) @ x @ share(phi, to_phi).T

@@ -74,6 +74,15 @@ class Maps(NamedTuple):
     drawn: Array
     claimed: Array
 
+    def spread(self, probabilities: Array, theta: Array, phi: Array) -> Array:
+        """Return the probabilities in cells of other edges, if each is spread evenly over its own cell."""
+
+        def share(edges: Array, to: Array) -> Array:
+            low, high = np.maximum(edges[None, :-1], to[:-1, None]), np.minimum(edges[None, 1:], to[1:, None])
+            return np.maximum(high - low, 0) / np.diff(edges)
+
+        return share(self.theta, theta) @ probabilities @ share(self.phi, phi).T
+
 
 @dataclass(frozen=True)
 class AuditMeasurement(Measurement):

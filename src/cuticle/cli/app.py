@@ -17,6 +17,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from cuticle._support.extras import needed
 from cuticle._support.files import allow_large
 
 # Kept here so that `cuticle --help` imports none of the commands; each is the first line of that command's own help.
@@ -207,7 +208,8 @@ def _run(stopped: Callable[[], bool]) -> int:
         for argument in sys.argv[1:]:
             if not argument or re.fullmatch(r"--[\w-]+=", argument):  # a path of no letters would be the current folder
                 raise ValueError(f"an argument is empty: {argument or repr('')}; leave it out, or give it a value")
-        code = app(args=sys.argv[1:] or ["--help"], prog_name="cuticle", standalone_mode=False)
+        with needed("this command"):
+            code = app(args=sys.argv[1:] or ["--help"], prog_name="cuticle", standalone_mode=False)
         sys.stdout.flush()  # a full disk says so now
         return code or 0
     except (KeyboardInterrupt, typer.Abort):
@@ -217,7 +219,7 @@ def _run(stopped: Callable[[], bool]) -> int:
             return 130
         if isinstance(error, _UsageError):
             return _complain(error.format_message())
-        if isinstance(error, (ValueError, TypeError, RuntimeError, OSError, MemoryError)):
+        if isinstance(error, (ValueError, TypeError, RuntimeError, OSError, MemoryError, ImportError)):
             return _complain(str(error) or type(error).__name__)
         raise
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import typer
@@ -12,31 +13,54 @@ from rich.table import Table
 from cuticle._support import validate
 from cuticle._support.backends import check_backend
 from cuticle._support.files import check_directory, filling, read_text, write_text
+from cuticle._support.progress import part
 from cuticle.checking.audit import LEVEL, SAMPLES, Audit, audit
+from cuticle.checking.compare_audits import Comparison, compare_audits
 from cuticle.checking.sample_file import Dump, audit_dump
+from cuticle.checking.shared_library import LibrarySampler
 from cuticle.checking.verdicts import EXIT_CODES, LIMITS
 from cuticle.cli.tables import RESULTS, ess_text, table, verdict_table
 from cuticle.cli.terminal import JsonOption, ParametersArgument, out, progress_bar, refuse_idle
+from cuticle.report.audit_page import write_audit_page
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.bcsdf import with_strands
 from cuticle.scattering.by_name import MITSUBA, model_of, read_model, read_parameters
 from cuticle.scattering.chiang import Chiang
+from cuticle.scattering.frames import DEFAULT_FRAME, FRAMES
 from cuticle.scattering.from_mitsuba import from_mitsuba
 
 PLUGIN, SAMPLER, DUMP, CHIANG = "a plugin", "a sampler's file", "a file of samples", "a .toml with [chiang]"
+LIBRARY = "a shared library"
 _IDLE = {  # options that do nothing with each
-    PLUGIN: ("strands",),
-    SAMPLER: ("h", "variant"),
-    DUMP: ("h", "theta_r", "strands", "samples", "variant", "reciprocity", "energy"),
-    CHIANG: ("strands", "variant"),
+    PLUGIN: ("strands", "frame"),
+    SAMPLER: ("h", "variant", "frame"),
+    DUMP: ("h", "theta_r", "strands", "samples", "variant", "reciprocity", "energy", "frame"),
+    CHIANG: ("strands", "variant", "frame"),
+    LIBRARY: ("h", "strands", "variant"),
 }
+_ENDINGS = {".npz": DUMP, ".csv": DUMP, ".toml": CHIANG, ".so": LIBRARY, ".dylib": LIBRARY, ".dll": LIBRARY}
+
+
+def _target(text: str) -> tuple[str, list[str]]:
+    """Return a target's name, and a plugin's parameters that stand with it in quotation marks."""
+    name, *parameters = text.split() if text.startswith(MITSUBA) else [text]
+    return name, parameters
 
 
 def _kind(source: str) -> str:
     if source.startswith(MITSUBA):
         return PLUGIN
-    ending = Path(source).suffix.lower()
-    return DUMP if ending in (".npz", ".csv") else CHIANG if ending == ".toml" else SAMPLER
+    path = Path(source)
+    return LIBRARY if ".so." in path.name else _ENDINGS.get(path.suffix.lower(), SAMPLER)  # libmine.so.1
+
+
+class _Asked(NamedTuple):
+    """Options that say how a target is loaded."""
+
+    h: float
+    strands: float | None
+    variant: str
+    frame: str
 
 
 def command(
@@ -45,19 +69,28 @@ def command(
         str,
         typer.Argument(
             metavar="TARGET",
-            help="mitsuba:PLUGIN, a sampler's file or folder, a TOML file with a table named chiang, or a file of samples"
-            " (.npz, .csv).",
+            help="mitsuba:PLUGIN, a sampler's file or folder, a TOML file with a table named chiang, a shared library (.so,"
+            " .dylib, .dll) with the functions of cuticle/audit.h, or a file of samples (.npz, .csv).",
         ),
     ],
     parameters: ParametersArgument = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="DIR", help="Folder for audit.json and audit.png.")
+        Path | None, typer.Option("-o", "--output", metavar="DIR", help="Folder for audit.json, audit.html and audit.png.")
+    ] = None,
+    compare: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TARGET", help="Another target to set beside the first; a plugin with parameters in quotation marks."
+        ),
     ] = None,
     h: Annotated[float, typer.Option("--h", help="Offset across the fibre, -1 to 1, for a plugin or Chiang's model.")] = 0.0,
     theta_r: Annotated[
         str | None, typer.Option("--theta-r", metavar="T,T,…", help="Viewers, degrees; default ±{0, 30, 60, 75, 85}.")
     ] = None,
     strands: Annotated[float | None, typer.Option(help="Strand count of a sampler; default: its first.")] = None,
+    frame: Annotated[
+        str, typer.Option(metavar="FRAME", help=f"Frame of a library's directions: {' | '.join(FRAMES)}.")
+    ] = DEFAULT_FRAME,
     samples: Annotated[int, typer.Option(help="Samples per viewer.")] = SAMPLES,
     level: Annotated[float, typer.Option(help="False-positive rate of the whole audit.")] = LEVEL,
     seed: Annotated[int, typer.Option(help="Seed of the random numbers.")] = 1,
@@ -67,50 +100,80 @@ def command(
     json_output: JsonOption = False,
 ) -> None:
     """Audit any sampler: do its samples follow its pdf? Exit code 1 if a verdict fails, 3 if one is inconclusive."""
-    if parameters and not source.startswith(MITSUBA):
-        raise ValueError(f"key=value parameters go with {MITSUBA}PLUGIN, got {parameters[0]!r} with {source!r}")
-    refuse_idle(ctx, f"for {_kind(source)}", *_IDLE[_kind(source)])
+    first = [] if compare is None else [_target(compare)]
+    source, given = _target(source)
+    targets = [*first, (source, [*given, *(parameters or [])])]
+    for name, given in targets:
+        if given and not name.startswith(MITSUBA):
+            raise ValueError(f"key=value parameters go with {MITSUBA}PLUGIN, got {given[0]!r} with {name!r}")
+    kinds = [_kind(name) for name, _ in targets]
+    if compare is not None and DUMP in kinds:
+        raise ValueError(f"--compare sets samplers side by side, viewer by viewer: a file of samples has no pdf between its"
+                         f" rows; got {targets[kinds.index(DUMP)][0]!r}")  # fmt: skip
+    idle = set(_IDLE[kinds[0]]).intersection(*(_IDLE[kind] for kind in kinds[1:]))
+    refuse_idle(ctx, f"for {' and '.join(dict.fromkeys(kinds))}", *sorted(idle))
     validate.number("--h", h, -1, 1)
+    validate.choice("--frame", frame, FRAMES)
     validate.integer("--samples", samples, *LIMITS["samples"])
     validate.number("--level", level, *LIMITS["level"])
     validate.integer("--seed", seed, *LIMITS["seed"])
-    if strands is not None:
-        validate.number("--strands", strands, 0, validate.MAX_STRANDS)
     angles = None if theta_r is None else _angles(theta_r)
     if output is not None:
         check_directory(output)
-    made: Audit | Dump
-    if _kind(source) == DUMP:
+    made: Audit | Dump | Comparison
+    if kinds == [DUMP]:
         made = audit_dump(source, level=level, seed=seed)
     else:
-        sampler, own = _load(source, parameters or [], h, strands, variant)
-        if not callable(own.get("eval", getattr(sampler, "eval", None))):
+        options: dict[str, Any] = {"theta_r": angles, "samples": samples, "level": level, "seed": seed}
+        options |= {"reciprocity": reciprocity, "energy": energy}
+        loaded = [_load(name, given, _Asked(h, strands, variant, frame)) for name, given in targets]
+        if any(not callable(own.get("eval", getattr(sampler, "eval", None))) for sampler, own in loaded):
             refuse_idle(ctx, "for a sampler without its scattering function", "reciprocity", "energy")
         with progress_bar(json_output) as progress:
-            made = audit(
-                sampler, theta_r=angles, samples=samples, level=level, seed=seed, reciprocity=reciprocity, energy=energy,
-                progress=progress, **own,
-            )  # fmt: skip
-    written = []
-    if output is not None:
-        with filling(output) as folder:
-            write_text(folder / "audit.json", made.to_json())
-            if isinstance(made, Audit):
-                made.figure(folder / "audit.png")
-            written = [output / file.name for file in sorted(folder.iterdir())]
+            share = 1 / len(loaded)
+            audits = [
+                audit(sampler, progress=part(progress, i * share, share), **options, **own)
+                for i, (sampler, own) in enumerate(loaded)
+            ]
+        made = audits[0] if compare is None else compare_audits(*audits)
+    written = [] if output is None else _write(made, output)
     if json_output:
-        print(made.to_json(), end="")
+        print(_json(made), end="")
     else:
-        _print(made)
+        for part_made in (made.first, made.second) if isinstance(made, Comparison) else (made,):
+            _print(part_made)
+        if isinstance(made, Comparison):
+            out.print(_side_by_side(made))
         if written:
             out.print(f"wrote {', '.join(map(str, written))}", soft_wrap=True)
     raise typer.Exit(EXIT_CODES[made.outcome])
 
 
-def _load(source: str, parameters: list[str], h: float, strands: float | None, variant: str) -> tuple[Any, dict[str, Any]]:
+def _json(made: Audit | Dump | Comparison) -> str:
+    return json.dumps(made.to_dict(), indent=2, allow_nan=False) + "\n"
+
+
+def _write(made: Audit | Dump | Comparison, output: Path) -> list[Path]:
+    """Write the numbers, the page and the pictures into a folder, all or none; return their paths."""
+    with filling(output) as folder:
+        write_text(folder / "audit.json", _json(made))
+        write_audit_page(folder / "audit.html", made)
+        if isinstance(made, Comparison):
+            made.first.figure(folder / "first.png")
+            made.second.figure(folder / "second.png")
+        elif isinstance(made, Audit):
+            made.figure(folder / "audit.png")
+        return [output / file.name for file in sorted(folder.iterdir())]
+
+
+def _load(source: str, parameters: list[str], asked: _Asked) -> tuple[Any, dict[str, Any]]:
     """Return the sampler that `source` names, and the other arguments that `audit` needs with it."""
+    h, strands = asked.h, asked.strands
+    if _kind(source) == LIBRARY:
+        library = LibrarySampler(source, frame=asked.frame)
+        return library, {"name": library.name}
     if source.startswith(MITSUBA):
-        _set_variant(variant)
+        _set_variant(asked.variant)
         given = read_parameters(parameters)
         words = " ".join([source[len(MITSUBA) :], *parameters])
         return from_mitsuba(source[len(MITSUBA) :], h=h, **given), {"name": f"Mitsuba's {words}, h = {h:g}"}
@@ -129,16 +192,14 @@ def _load(source: str, parameters: list[str], h: float, strands: float | None, v
     if isinstance(chiang, Chiang):
         return chiang.near(h), {"name": f"{source}, h = {h:g}"}
     raise ValueError(
-        f"an audit needs {MITSUBA}PLUGIN, a sampler's .json or its folder, a .toml with [chiang], or samples in an .npz or"
-        f" .csv file; got {source!r}"
+        f"an audit needs {MITSUBA}PLUGIN, a sampler's .json or its folder, a .toml with [chiang], a shared library"
+        f" (.so, .dylib, .dll), or samples in an .npz or .csv file; got {source!r}"
     )
 
 
 def _set_variant(variant: str) -> None:
-    try:
-        import mitsuba as mi
-    except ImportError:
-        raise RuntimeError("this needs Mitsuba 3, which is not installed: pip install cuticle[mitsuba]") from None
+    import mitsuba as mi
+
     validate.choice("--variant", variant, [v for v in mi.variants() if v.endswith("rgb") or "mono" in v])
     check_backend(variant)
     mi.set_variant(variant)
@@ -167,6 +228,22 @@ def _print(made: Audit | Dump) -> None:
     for note in made.notes:
         out.print(f"note: {note}", soft_wrap=True, highlight=False)
     out.print(f"{RESULTS[made.outcome]} (false-positive rate: one audit in {1 / made.level:,.0f})")
+
+
+def _side_by_side(made: Comparison) -> Table:
+    far = made.farthest
+    listing = table(
+        f"{made.first.name} and {made.second.name}",
+        f"farthest apart at theta_r {np.degrees(far.theta_r):.3g}°, {far.where}: {100 * far.shares[0]:.3g} % of the first"
+        f" pdf, {100 * far.shares[1]:.3g} % of the second",
+    )
+    columns = "theta_r|ESS, first|second|largest weight, first|second|∫ f cos, first|second|TV of the pdfs"
+    for column in columns.split("|"):
+        listing.add_column(column, justify="right")
+    for v in made.viewers:
+        cells = [*(f"{x:.3f}" for x in v.ess), *(f"{x:.3g}" for x in v.largest_weight), *(f"{x:.4g}" for x in v.energy)]
+        listing.add_row(f"{np.degrees(v.theta_r):.3g}°", *(c.replace("nan", "–") for c in cells), f"{v.distance:.3f}")
+    return listing
 
 
 def _viewers(made: Audit) -> Table:

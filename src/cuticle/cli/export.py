@@ -14,7 +14,6 @@ from cuticle._support.files import check_directory, check_file, make_directory, 
 from cuticle.cli.terminal import STANDARD_OUTPUT, check_output, err, out, progress_bar, refuse_idle, write_output
 from cuticle.export import HOSTS, MAX_TABLE, amalgamate, check_frame, check_name, export, export_family
 from cuticle.export.family import family_writer
-from cuticle.export.frames import DEFAULT_FRAME, FRAMES
 from cuticle.export.hosts.web import LOBES
 from cuticle.export.registry import Export, host
 from cuticle.sampling.sampler import Sampler
@@ -22,6 +21,7 @@ from cuticle.scattering.by_name import known_fibres, model_of, read_parameters_o
 from cuticle.scattering.chiang import Chiang
 from cuticle.scattering.family_among import FAMILIES
 from cuticle.scattering.fibre import Fibre
+from cuticle.scattering.frames import DEFAULT_FRAME, FRAMES
 
 
 def command(

@@ -27,9 +27,7 @@ def command(
         print(Fibre.preset(toml).to_toml(), end="")
         return
     if json_output:
-        print(
-            json.dumps({name: Fibre.preset(name).model_dump(exclude_none=True, mode="json") for name in PRESETS}, indent=2)
-        )
+        print(json.dumps({name: Fibre.preset(name).to_dict() for name in PRESETS}, indent=2))
         return
     listing = table("Fibres: angles in degrees of theta_h, sigma_a per radius")
     for column in ("name", "alpha R, TT, TRT", "beta R, TT, TRT", "beta_N", "eta", "sigma_a"):

@@ -14,8 +14,9 @@ from cuticle._support.files import check_directory, filling, write_text
 from cuticle._support.progress import part
 from cuticle.cli.tables import fit_table
 from cuticle.cli.terminal import JsonOption, ModelArgument, ParametersArgument, out, progress_bar, read_strands, refuse_idle
-from cuticle.fitting.fit import AUTO, BEST, FORMS, fit
+from cuticle.fitting.fit import AUTO, BEST, fit
 from cuticle.fitting.result import Fit, fit_summary
+from cuticle.fitting.samplings import FORMS
 from cuticle.fitting.targets import OBJECTIVES
 from cuticle.sampling.families import FAMILIES, NORMAL
 from cuticle.sampling.lobe_table import MAX_LOBES

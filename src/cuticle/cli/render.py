@@ -15,7 +15,7 @@ from cuticle._support import validate
 from cuticle._support.files import check_directory, check_file, filling
 from cuticle.cli.tables import table
 from cuticle.cli.terminal import JsonOption, out, progress_bar, refuse_idle, was_given
-from cuticle.fitting.fit import SAMPLINGS
+from cuticle.fitting.samplings import SAMPLINGS
 from cuticle.grooms.bust import Bust
 from cuticle.grooms.groom import MAX_FOLLOWERS, MAX_STRANDS, Groom, join_grooms, read_groom
 from cuticle.grooms.procedural import hair_ball, hair_head, head_bust, wavy_lock

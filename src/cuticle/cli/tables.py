@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from rich import box
 from rich.table import Table
 
-from cuticle.checking.check import Report
-from cuticle.checking.verdicts import Verdict
 from cuticle.draft.layout import shown_tables
-from cuticle.fitting.result import Fit
+
+if TYPE_CHECKING:  # what a command prints, it has imported
+    from cuticle.checking.check import Report
+    from cuticle.checking.verdicts import Verdict
+    from cuticle.fitting.result import Fit
 
 MARKS = {"pass": "[green]pass[/]", "fail": "[red]FAIL[/]", "inconclusive": "[yellow]inconclusive[/]"}
 RESULTS = {"pass": "[green]passes[/]", "fail": "[red]FAILED[/]", "inconclusive": "[yellow]is inconclusive[/]"}

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cuticle._support.extras import needed
 from cuticle._support.files import make_directory, write_bytes, write_text
 from cuticle._support.plain_values import html_table
 from cuticle._support.progress import Progress
@@ -65,8 +66,9 @@ class Document(Findings):
         ValueError
             The folder cannot be written to.
         """
-        from cuticle._support.plots import figure_bytes
-        from cuticle.draft.figures import figures  # Matplotlib takes a second to import
+        with needed("a figure"):  # Matplotlib takes a second to import
+            from cuticle._support.plots import figure_bytes
+            from cuticle.draft.figures import figures
 
         report = progress or (lambda phase, fraction: None)
         target = make_directory(Path(folder) / "figures").parent

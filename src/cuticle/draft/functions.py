@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from cuticle._support import validate
 from cuticle.draft.tables import USED, SliceRow, StrandRow
@@ -142,6 +141,8 @@ def fit_form(
 
     c = 1.0
     if kind is not None:
+        from scipy.optimize import minimize_scalar
+
         c = float(minimize_scalar(lambda c: solve(c)[1], bounds=_RANGE[kind], method="bounded").x)
         if abs(c) < 0.05 and kind == "n^p":
             return None  # p → 0 is log n, which has a term of its own

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import curve_fit
 
 Curve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 WINDOW = 1 / 3  # of the peak: a Gaussian is matched to the highlight, not to the floor around it
@@ -80,6 +79,8 @@ def fit_gaussian(
     x, y = x[near], y[near] / peak
     start = float(x[np.argmax(y)]) if centre is None else centre
     width = max(0.3 * float(x[-1] - x[0]), 1e-5)
+    from scipy.optimize import curve_fit
+
     try:
         if centre is None:
             lower, upper = [0, low, 1e-6], [20, high, 20.0]

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from cuticle._support import validate
+from cuticle._support.plain_values import plain
 from cuticle._support.version import __version__
 from cuticle.export.family import about_family, family_writer
-from cuticle.export.frames import DEFAULT_FRAME, FRAMES, Frame, frame
 from cuticle.export.headers import amalgamate
 from cuticle.export.registry import HOSTS, Export, FamilyJob, Job, host
 from cuticle.export.reserved_words import OURS
@@ -24,6 +24,7 @@ from cuticle.scattering.dual_scattering import DualScattering
 from cuticle.scattering.family_among import FamilyAmong
 from cuticle.scattering.family_among import family as make_family
 from cuticle.scattering.fibre import Fibre
+from cuticle.scattering.frames import DEFAULT_FRAME, FRAMES, Frame, frame
 from cuticle.scattering.host_tables import reduce_tables
 
 __all__ = ["FRAMES", "HOSTS", "Export", "amalgamate", "export", "export_family"]
@@ -189,7 +190,7 @@ def _of_what(sampler: Sampler, model: Bcsdf) -> str:
     fibre = sampler.fibre
     if fibre is None:
         return f"Scattering function: {model!r}"
-    values = fibre.model_dump(exclude_none=True, exclude_defaults=True, mode="json")
+    values = plain(fibre.values(without_defaults=True))
     text = ", ".join(f"{k} {_plain(v)}" for k, v in values.items())
     kind = f"dual scattering, {model.formulation}" if isinstance(model, DualScattering) else "strand on its own"
     return f"Fibre: {text or 'the defaults'} (degrees, per radius); {kind}"

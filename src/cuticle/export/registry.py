@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 from cuticle.export import hosts
-from cuticle.export.frames import Frame
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.any_fibre import FORMS
 from cuticle.scattering.bcsdf import Bcsdf
 from cuticle.scattering.compact_table import FunctionTable
 from cuticle.scattering.family_among import FamilyAmong
 from cuticle.scattering.fibre_tables import FibreTables
+from cuticle.scattering.frames import Frame
 from cuticle.scattering.host_tables import TOLERANCE
 
 Tables = FibreTables | FunctionTable

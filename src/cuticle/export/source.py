@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import textwrap
 
-import jinja2
-
+from cuticle._support.extras import needed
 from cuticle.export.literals import single, singles, wrapped
+
+with needed("cuticle.export"):
+    import jinja2
 
 
 def environment() -> jinja2.Environment:

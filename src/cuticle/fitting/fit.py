@@ -19,6 +19,7 @@ from cuticle.fitting.mixture import Array, ess_of, to_natural
 from cuticle.fitting.points import END, Points, make_points
 from cuticle.fitting.result import Candidate, Fit, Worst
 from cuticle.fitting.rows import settled_rows
+from cuticle.fitting.samplings import FORMS
 from cuticle.fitting.targets import OBJECTIVES, make_targets
 from cuticle.sampling.families import FAMILIES, NORMAL
 from cuticle.sampling.lobe_table import MAX_LOBES
@@ -27,12 +28,8 @@ from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.bcsdf import Bcsdf, check_model, strands_of
 from cuticle.scattering.by_name import provenance
 
-FORMS = ("lobes", "document")
 AUTO = "auto"  # of strand counts, those after which the shape of light no longer changes
 BEST = "best"  # of the families, the one with the highest mean ESS
-OWN = "function"  # directions drawn from the function's own density, where it has a closed form
-FITTED = (*FORMS, "uniform")  # what else a renderer may draw from
-SAMPLINGS = (OWN, *FITTED)
 MAX_AUTO_LOBES = 12
 _DENSE = 8  # lobes up to which all viewers are seen at every count between rows; a step's cost grows with their square
 _DOUBTED = 8  # places of the lowest ESS that are measured again

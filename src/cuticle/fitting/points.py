@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array, kron
 
 from cuticle.fitting.mixture import Array
 from cuticle.fitting.targets import Targets, make_targets
 from cuticle.scattering.bcsdf import Bcsdf
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array  # takes longer to import than all of this package: a fit does, its reader does not
 
 THETA_NODES = 25  # every 7.5 degrees
 END = np.radians(89.5)  # stands for the pole, where f·cos degenerates
@@ -44,6 +47,8 @@ class Points:
 
     def octaves(self) -> tuple[Points, csr_array]:
         """Return the same points for a table of rows an octave apart, and what interpolates its entries to all rows."""
+        from scipy.sparse import csr_array, kron
+
         rows = self.strands[self.on_nodes[:, 0]]
         kept = [0]
         for i, n in enumerate(rows):
@@ -59,6 +64,8 @@ def make_points(
     with_strands: Callable[[float], Bcsdf], strands: Sequence[float], objective: str, family: str, *, dense: bool
 ) -> Points:
     """Tabulate the targets that a fit of these strand counts looks at; `dense`: all viewers at every count between rows."""
+    from scipy.sparse import csr_array
+
     halves = [i + 0.5 for i in range(THETA_NODES - 1)]
     places = np.sort([*range(THETA_NODES), *halves, 0.25, 0.75, THETA_NODES - 1.75, THETA_NODES - 1.25])  # in nodes
     seen: list[tuple[float, float]] = []  # rows and nodes

@@ -6,14 +6,14 @@ import json
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict
 
+from cuticle._support.extras import needed
 from cuticle._support.files import read_text, reading, write_text
-from cuticle._support.json_file import parse
+from cuticle._support.json_file import NUMBER, array, file_schema, parse
 from cuticle._support.plain_values import html_table, number
 from cuticle._support.values import Value
 from cuticle.sampling.sampler import Sampler
@@ -39,25 +39,26 @@ class Worst(NamedTuple):
     strands: float
 
 
-class FitFile(BaseModel):
-    """What a fit's JSON file holds, version 1: the attributes of `Fit`, the sampler as its own file has it."""
-
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
-
-    format: Literal["cuticle-fit"] = "cuticle-fit"
-    version: int = FORMAT_VERSION
-    sampler: dict[str, Any]
-    theta_r: list[float]
-    ess: list[list[float]]
-    ess_channels: list[list[list[float]]]
-    largest_weight: list[list[float]]
-    total_variation: list[list[float]]
-    seconds: float
-    form: str
-    objective: str
-    worst: Worst | None = None
-    candidates: list[Candidate] = []
-    families: dict[str, float] = {}
+_ROWS = array(NUMBER, 2)
+FILE = file_schema(  # the attributes of `Fit`; the sampler as its own file has it
+    "fit",
+    {
+        "sampler": {"type": "object"},
+        "theta_r": array(NUMBER),
+        "ess": _ROWS,
+        "ess_channels": array(NUMBER, 3),
+        "largest_weight": _ROWS,
+        "total_variation": _ROWS,
+        "seconds": NUMBER,
+        "form": {"type": "string"},
+        "objective": {"type": "string"},
+    },
+    {
+        "worst": {"type": ["array", "null"], "items": NUMBER},
+        "candidates": _ROWS,
+        "families": {"type": "object"},
+    },
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,26 +119,30 @@ class Fit(Value):
         The file holds the sampler, and with it the record of the scattering function.
         """
         values = {name: getattr(self, name).tolist() for name in ("theta_r", *_MEASURED)}
-        file = FitFile(
-            sampler=json.loads(self.sampler.to_json()), seconds=self.seconds, form=self.form, objective=self.objective,
-            worst=self.worst, candidates=list(self.candidates), families=self.families, **values,
-        )  # fmt: skip
-        return write_text(path, json.dumps(file.model_dump(), allow_nan=False) + "\n")
+        file = {
+            "format": "cuticle-fit", "version": FORMAT_VERSION, "sampler": json.loads(self.sampler.to_json()), **values,
+            "seconds": self.seconds, "form": self.form, "objective": self.objective, "worst": self.worst,
+            "candidates": self.candidates, "families": self.families,
+        }  # fmt: skip
+        return write_text(path, json.dumps(file, allow_nan=False) + "\n")
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Fit:
         """Read a fit that `save` wrote, or raise ValueError with the reason."""
         source = str(path)
         with reading(source, "fit"):
-            file = parse(read_text(path, "fit"), FitFile, what="fit", version=FORMAT_VERSION, source=source)
-            values = {name: getattr(file, name) for name in FitFile.model_fields if name not in ("format", "version")}
-            values |= {
-                "sampler": Sampler.from_json(json.dumps(file.sampler), source=source),
-                "candidates": tuple(file.candidates),
-            }
+            file = parse(read_text(path, "fit"), FILE, what="fit", version=FORMAT_VERSION, source=source)
+            values = {name: file[name] for name in FILE["properties"] if name in file and name not in ("format", "version")}
             try:
+                values["worst"] = Worst(*file["worst"]) if file.get("worst") is not None else None
+                values["candidates"] = tuple(Candidate(*row) for row in file.get("candidates", []))
+                values["sampler"] = Sampler.from_json(json.dumps(file["sampler"]), source=source)
                 return cls(**values)
+            except TypeError:
+                raise ValueError(f"{source} is refused: a row of worst or candidates has not its length") from None
             except ValueError as error:
+                if str(error).startswith(source):  # the sampler's own
+                    raise
                 raise ValueError(f"{source} is refused: {error}") from None
 
     @property
@@ -154,7 +159,8 @@ class Fit(Value):
 
         `axes` are those to draw on; default: those of a new figure. `fit.sampler.plot` draws the density.
         """
-        from cuticle._support.plots import new_axes  # Matplotlib takes a second to import
+        with needed("a plot"):  # Matplotlib takes a second to import
+            from cuticle._support.plots import new_axes
 
         axes = new_axes() if axes is None else axes
         for n, ess in zip(self.sampler.strands, self.ess, strict=True):

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
-from scipy.spatial import cKDTree
 
 from cuticle.grooms.groom import Groom
 
@@ -56,6 +54,8 @@ class Bust:
     @classmethod
     def fitted(cls, groom: Groom) -> Bust:
         """Return the bust whose skull passes through the roots of a head of hair."""
+        from scipy.spatial import cKDTree
+
         roots = groom.points[groom.offsets[:-1]].astype(np.float64)
         middle = (roots.min(axis=0) + roots.max(axis=0)) / 2  # a point within: else the equation's signs may turn
         from_middle = roots - middle
@@ -75,6 +75,8 @@ class Bust:
 
     def distance(self, points: Array) -> Array:
         """Return about how far points (..., 3) are from the surface, negative within."""
+        from scipy.ndimage import map_coordinates
+
         p = (points - self.centre) / self.radii[0] * [self.facing, 1, self.facing]
         skull = self.radii / self.radii[0]
         crown = skull[1]

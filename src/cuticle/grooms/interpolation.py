@@ -11,7 +11,6 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 __all__ = ["cut", "follow_guides", "resampled", "stray", "triangulated"]
 
@@ -60,6 +59,8 @@ def triangulated(roots: Array) -> Indices:
 
     A triangle is kept where most of those of its corners find it that have the others among their nearest 20 points.
     """
+    from scipy.spatial import cKDTree
+
     count = min(_NEIGHBOURS + 1, len(roots))
     distance, near = cKDTree(roots).query(roots, count)
     pair = np.array(list(combinations(range(1, count), 2)))
@@ -97,6 +98,8 @@ def _spread(roots: Array, triangles: Indices, count: int, rng: np.random.Generat
     Triangles in an order in which neighbours follow each other are stepped through by equal areas, and a sequence of low
     discrepancy (Roberts's R2) places the points within them.
     """
+    from scipy.spatial import cKDTree
+
     corner = roots[triangles]
     order = cKDTree(corner.mean(axis=1)).indices
     area = np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)[order]

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from cuticle._support import validate
 from cuticle.grooms.bust import Bust
@@ -134,6 +133,8 @@ def hair_head(
     seed
         Of everything random.
     """
+    from scipy.spatial import cKDTree
+
     strands, points = _sizes(strands, points, 8, 1024)
     length = validate.number("length", length, 0.3, 20)
     waves = validate.number("waves", waves, 0, 1000)

@@ -11,7 +11,6 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_banded
 
 from cuticle._support import validate
 
@@ -29,6 +28,8 @@ def to_control(points: NDArray, offsets: NDArray[np.int64], bend: NDArray) -> tu
 
     All strands form one tridiagonal system.
     """
+    from scipy.linalg import solve_banded
+
     n, strands = len(points), len(offsets) - 1
     begin, end = offsets[:-1], offsets[1:] - 1
     ends = np.zeros(n, bool)

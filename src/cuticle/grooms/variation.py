@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import betaincinv, ndtr
 
 from cuticle._support import validate
 from cuticle.grooms.groom import Groom
@@ -176,6 +175,8 @@ def _log_normal(z: Array, spread: float) -> Array:
 
 def _beta(z: Array, mean: float, spread: float) -> Array:
     """Shares of this mean, their standard deviation `spread` √(mean (1 - mean))."""
+    from scipy.special import betaincinv, ndtr
+
     if not spread or mean in (0, 1):
         return np.full(len(z), mean)
     total = 1 / spread**2 - 1

@@ -21,19 +21,16 @@ from typing import Any
 
 from cuticle import _core
 from cuticle._support.backends import check_backend
-from cuticle.fitting.fit import OWN
+from cuticle._support.extras import needed
+from cuticle.fitting.samplings import OWN
 
 __all__ = ["MITSUBA_VERSION", "VARIANTS", "Material", "build", "read_material", "register", "strand_texture"]
 
 MITSUBA_VERSION = "3.9.1"  # plugins compiled against one version load in no other
 VARIANTS = ("scalar_rgb", "scalar_spectral", "llvm_ad_rgb", "llvm_ad_spectral", "cuda_ad_rgb", "cuda_ad_spectral")
 
-try:
+with needed("cuticle.mitsuba"):
     import mitsuba as mi
-except ImportError as error:
-    raise ImportError(
-        f"cuticle.mitsuba needs Mitsuba {MITSUBA_VERSION}, which is not installed ({error}): pip install 'cuticle[mitsuba]'"
-    ) from None
 
 from cuticle.mitsuba.build import build  # noqa: E402 - where Mitsuba is absent, its own message
 from cuticle.mitsuba.material import Material, read_material  # noqa: E402

@@ -182,7 +182,7 @@ def _describe(material: Material) -> str:
 
     fibre = repr(material.fibre if material.among is None else material.among)
     if isinstance(material.fibre, Fibre):
-        values = ", ".join(f"{k}={v}" for k, v in material.fibre.model_dump(exclude_none=True).items())
+        values = ", ".join(f"{k}={v}" for k, v in material.fibre.values().items())
         fibre = f"[{values}]"
     if material.own:
         return f"fibre = {fibre},\nsampling = {'near' if material.near else 'far'} field, its own density"

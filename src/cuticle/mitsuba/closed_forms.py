@@ -38,7 +38,7 @@ def closed_form(material: Material, textures: Mapping[str, Any], scale: Any, tab
     shape = FORMS[form]
     if material.near:  # whose closed forms hold beyond the far field's cells
         shape = {name: Parameter(*RANGES[name][:2], None, p.unit) for name, p in shape.items()}
-    values, set_by_user = changeable(fibre), fibre.model_dump(exclude_none=True)
+    values, set_by_user = changeable(fibre), fibre.values()
     _absorption(props, fibre, textures)
     slots = dict(shape)
     if props["absorption_from"] == "pigments" or _of_pigments(fibre):

@@ -14,7 +14,7 @@ from cuticle.scattering.by_name import known_names, model_of, read_parameters_or
 from cuticle.scattering.chiang import Chiang
 from cuticle.scattering.fibre import Fibre
 
-_CHIANG = frozenset(Chiang.model_fields) - frozenset(Fibre.model_fields)
+_CHIANG = frozenset(Chiang.names()) - frozenset(Fibre.names())
 DENSITIES = ("d_f", "d_b")
 
 
@@ -59,7 +59,7 @@ def _changed(function: Any, own: dict[str, Any]) -> Any:
     """A function that is no `Fibre`, with some of its parameters set; None is Chiang's of these parameters alone."""
     if function is None or isinstance(function, Chiang):
         _no_others(own, Chiang)
-        return Chiang(**({} if function is None else function.model_dump(exclude_none=True)) | own)
+        return Chiang(**({} if function is None else function.values()) | own)
     if own:
         raise ValueError(
             f"{min(own)} is not a parameter of this scattering function ({type(function).__name__}); change its source"
@@ -68,7 +68,7 @@ def _changed(function: Any, own: dict[str, Any]) -> Any:
 
 
 def _no_others(own: dict[str, Any], kind: type[Fibre] | type[Chiang]) -> None:
-    other = min(own.keys() - set(kind.model_fields), default=None)
+    other = min(own.keys() - set(kind.names()), default=None)
     if other is not None:
         raise ValueError(f"{other} is not a parameter of this scattering function ({kind.__name__})")
 

@@ -5,10 +5,8 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from cuticle.draft.functions import find_functions
-from cuticle.draft.tables import highlight_axis, table_2, table_3
 from cuticle.fitting.closed_forms import DRAFT, DocumentFunctions
-from cuticle.fitting.fit import OWN, fit
+from cuticle.fitting.samplings import OWN
 from cuticle.mitsuba.function import DENSITIES, read_function, read_sampler
 from cuticle.mitsuba.parameters import Parameters
 from cuticle.sampling.combining import combine
@@ -137,12 +135,16 @@ def _check_channels(channels: int) -> None:
 
 @lru_cache(maxsize=16)
 def _fitted(function: Any, lobes: int) -> Sampler:
+    from cuticle.fitting.fit import fit  # a fibre with closed forms is drawn from without a fit, and loads at once
+
     return fit(function, lobes).sampler
 
 
 @lru_cache(maxsize=16)
 def _mixed(model: Any, lobes: int, share: float) -> Sampler:
     """The sampler where n is not known: `share` of that for no strands in between, and the rest of that for 2."""
+    from cuticle.fitting.fit import fit
+
     both = fit(model, lobes, strands=(0, 2)).sampler
     return combine(both, both, share, strands=2)
 
@@ -162,6 +164,8 @@ def _samplers(fibre: Fibre, lobes: int, form: str, share: float) -> tuple[Sample
     if form == "document":
         if model is None:
             raise ValueError("sampling document needs a fibre whose multiple scattering has a sum: raise sigma_a")
+        from cuticle.fitting.fit import fit
+
         both = fit(model, strands=(0, 2), form="document", functions=_document_functions(model)).sampler
         return both.row(0.0), combine(both, both, share, strands=2)
     single = _fitted(alone(fibre), lobes)
@@ -172,6 +176,9 @@ def _samplers(fibre: Fibre, lobes: int, form: str, share: float) -> tuple[Sample
 
 def _document_functions(model: DualScattering) -> DocumentFunctions:
     """The draft's functions as found for this fibre, or the draft's own numbers where no Gaussian describes it."""
+    from cuticle.draft.functions import find_functions
+    from cuticle.draft.tables import highlight_axis, table_2, table_3
+
     try:
         return find_functions(table_2(model), table_3(model), highlight_axis(model)).functions
     except ValueError:

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, fields
 from typing import Any
 
 import mitsuba as mi
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
 from cuticle._support import validate
-from cuticle.fitting.fit import SAMPLINGS
+from cuticle.fitting.samplings import SAMPLINGS
 from cuticle.sampling.lobe_table import MAX_LOBES
 from cuticle.scattering.chiang import Chiang
 from cuticle.scattering.fibre import LOBES, Fibre
 from cuticle.scattering.presets import PRESETS
 
 
-class Parameters(BaseModel):
+@dataclass(frozen=True, init=False)
+class Parameters:
     """What a scene asks of the BSDF, each value in its range.
 
     Attributes
@@ -40,8 +41,6 @@ class Parameters(BaseModel):
         One line: the parameter, its range, the value received.
     """
 
-    model_config = ConfigDict(frozen=True)
-
     fibre: str | None
     filename: str | None
     near: bool
@@ -60,20 +59,22 @@ class Parameters(BaseModel):
         if "lobes" in given and sampling not in (None, "lobes"):
             raise ValueError(f"lobes is their number, for sampling lobes; leave it out for sampling {sampling}")
         near = validate.flag("near", given.get("near", False))
-        super().__init__(
-            fibre=_name(str(given["fibre"])) if "fibre" in given else None,
-            filename=_path(str(given["filename"])) if "filename" in given else None,
-            near=near,
-            strands=validate.flag("strands", given.get("strands", False)) and not near,
-            sampling="lobes" if sampling is None and "lobes" in given else sampling,
-            lobes=validate.integer("lobes", given.get("lobes", 4), 1, MAX_LOBES // 2),
-            direct_share=validate.number("direct_share", given.get("direct_share", 0.5), 0.01, 0.99),
-            own=own,
-        )
+        values: dict[str, Any] = {
+            "fibre": _name(str(given["fibre"])) if "fibre" in given else None,
+            "filename": _path(str(given["filename"])) if "filename" in given else None,
+            "near": near,
+            "strands": validate.flag("strands", given.get("strands", False)) and not near,
+            "sampling": "lobes" if sampling is None and "lobes" in given else sampling,
+            "lobes": validate.integer("lobes", given.get("lobes", 4), 1, MAX_LOBES // 2),
+            "direct_share": validate.number("direct_share", given.get("direct_share", 0.5), 0.01, 0.99),
+            "own": own,
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
 
 
-_OWN = dict.fromkeys((*Fibre.model_fields, *sorted(Chiang.model_fields)))
-_NAMES = (*(name for name in Parameters.model_fields if name != "own"), "scale")
+_OWN = dict.fromkeys((*Fibre.names(), *sorted(Chiang.names())))
+_NAMES = (*(f.name for f in fields(Parameters) if f.name != "own"), "scale")
 
 
 def changeable(function: Any) -> dict[str, float]:

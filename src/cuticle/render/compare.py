@@ -12,13 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cuticle._support import validate
+from cuticle._support.extras import needed
 from cuticle._support.files import make_directory, write_bytes, write_text
-from cuticle._support.plots import figure_bytes
 from cuticle._support.progress import Progress, expect
-from cuticle.fitting.fit import FITTED
+from cuticle.fitting.samplings import FITTED
 from cuticle.grooms.groom import Groom
 from cuticle.render.picture import Image, Pass, expected_seconds, over_backdrop, passes, rel_mse, render, srgb
 from cuticle.render.scene import Light, View, bsdf, integrator, load_scene, mitsuba
+
+with needed("a comparison"):
+    from cuticle._support.plots import figure_bytes
 
 __all__ = ["Comparison", "Contender", "compare_samplings"]
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cuticle._support import validate
 from cuticle._support.backends import check_backend
-from cuticle.fitting.fit import SAMPLINGS
+from cuticle.fitting.samplings import SAMPLINGS
 from cuticle.grooms.bust import Bust
 from cuticle.grooms.groom import Groom
 from cuticle.scattering.any_fibre import ABSORPTION, TEXTURED
@@ -31,14 +31,12 @@ def mitsuba(variant: str = "scalar_rgb") -> Any:
 
     Raises
     ------
-    RuntimeError
+    ImportError, RuntimeError
         Mitsuba is missing or has another version, or the variant cannot run here. The message names the remedy.
     """
-    try:
-        from cuticle import mitsuba as plugins
-    except ImportError as error:
-        raise RuntimeError(str(error)) from None
     import mitsuba as mi
+
+    from cuticle import mitsuba as plugins
 
     if variant not in plugins.VARIANTS:
         raise ValueError(f"variant must be one of {', '.join(plugins.VARIANTS)}; got {variant!r}")

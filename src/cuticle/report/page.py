@@ -10,15 +10,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 
+from cuticle._support.extras import needed
 from cuticle._support.files import read_bytes, read_text, reading, write_text
 from cuticle._support.json_file import read_json
 from cuticle._support.plain_values import number
 from cuticle._support.version import __version__
 from cuticle.draft.as_values import VERSION
 from cuticle.draft.layout import shown_tables
+
+with needed("cuticle.report"):
+    import jinja2
 
 RESULTS = {
     "fit.json": "cuticle fit PRESET|FILE.toml -o DIR",
@@ -58,21 +61,30 @@ def write_report(folder: str | os.PathLike[str]) -> Path:
     page["densities"] = _densities(folder)
     with reading(folder, "the fibre in"):
         page["fibre"] = _fibre_rows(_fibre(found, folder))
-    page["versions"] = [
+    page["versions"] = versions()
+    with reading(folder, "results in"):
+        html = templates().get_template("report.html.j2").render(page)
+    if len(html.encode()) > LIMIT:
+        raise ValueError(f"the report would have {len(html.encode()) / 1e6:.1f} MB, more than 5; draw smaller figures")
+    return write_text(folder / "report.html", html)
+
+
+def versions() -> list[tuple[str, str]]:
+    """Return what made a page, by name."""
+    return [
         ("Cuticle", __version__),
         ("Python", platform.python_version()),
         ("NumPy", np.__version__),
         ("machine", f"{platform.system()} {platform.machine()}"),
     ]
-    environment = jinja2.Environment(
+
+
+def templates() -> jinja2.Environment:
+    """Return Jinja's environment of the pages; what results say is escaped."""
+    return jinja2.Environment(
         loader=jinja2.PackageLoader("cuticle.report"), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True,
         lstrip_blocks=True,
     )  # fmt: skip
-    with reading(folder, "results in"):
-        html = environment.get_template("report.html.j2").render(page)
-    if len(html.encode()) > LIMIT:
-        raise ValueError(f"the report would have {len(html.encode()) / 1e6:.1f} MB, more than 5; draw smaller figures")
-    return write_text(folder / "report.html", html)
 
 
 def _read(path: Path) -> Any:
@@ -86,8 +98,8 @@ def _read(path: Path) -> Any:
         return data
 
 
-def _ess(value: float) -> dict[str, str]:
-    # The cell's shade says how good it is; the digits say it too.
+def ess_cell(value: float) -> dict[str, str]:
+    """Return an ESS as text, and how good it is: the cell's shade says what the digits say."""
     grade = "good" if value >= 0.95 else "fair" if value >= 0.8 else "poor"
     return {"text": f"{value:.3f}", "grade": grade}
 
@@ -104,8 +116,8 @@ def _fit_view(data: dict[str, Any], _: Path) -> dict[str, Any]:
         "rows": [
             {
                 "strands": f"{n:g}",
-                "cells": [_ess(x) for x in row],
-                "channels": [_ess(x) for x in np.min(channels, axis=0)],
+                "cells": [ess_cell(x) for x in row],
+                "channels": [ess_cell(x) for x in np.min(channels, axis=0)],
                 "weight": f"{max(w):.3g}",
             }
             for n, row, channels, w in zip(
@@ -239,7 +251,7 @@ def _quality(quality: dict[str, Any], lobes: int) -> dict[str, Any]:
         "rows": [
             {
                 "name": _SAMPLERS[name].format(lobes),
-                "cells": [_ess(row[n]["ess"]) | {"tv": f"{row[n]['total_variation']:.3f}"} for n in counts],
+                "cells": [ess_cell(row[n]["ess"]) | {"tv": f"{row[n]['total_variation']:.3f}"} for n in counts],
             }
             for name, row in quality.items()
         ],

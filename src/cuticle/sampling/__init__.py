@@ -1,5 +1,5 @@
 """What is drawn: lobes, tables of lobes, and how well a density matches a scattering function."""
 
-import lazy_loader
+from cuticle._support import lazy
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submodules=["densities"])
+__getattr__, __dir__, __all__ = lazy.attach(__name__, {"densities": __name__})

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
 
 from cuticle._support import validate
+from cuticle._support.interpolation import smooth_spline
 from cuticle._support.quadrature import Grid, adapted_edges, grid
 from cuticle.sampling.lobe_table import MAX_LOBES, WEIGHT
 from cuticle.sampling.quality import Density
@@ -97,7 +97,7 @@ def combine(direct: Sampler, multiple: Sampler, weight: float, *, strands: float
 
 def _refine(table: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
     """Return the same piecewise linear table on more nodes: (1, nodes, …) -> (1, steps + 1, …)."""
-    lines = make_interp_spline(np.linspace(0, steps, table.shape[1]), table, k=1, axis=1)
+    lines = smooth_spline(np.linspace(0, steps, table.shape[1]), table, 1, axis=1)
     return lines(np.arange(steps + 1))
 
 

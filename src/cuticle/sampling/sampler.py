@@ -8,15 +8,15 @@ import os
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BaseModel, ConfigDict
 
 from cuticle._support import validate
+from cuticle._support.extras import needed
 from cuticle._support.files import read_text, reading, write_text
-from cuticle._support.json_file import parse
+from cuticle._support.json_file import NUMBER, array, file_schema, parse
 from cuticle._support.values import Value
 from cuticle.sampling.families import FAMILIES, NORMAL, core_table, padded
 from cuticle.sampling.lobe_table import PARAMETERS, check_table
@@ -39,22 +39,18 @@ class LobeSet(NamedTuple):
     sigma_phi: NDArray[np.float64]
 
 
-class SamplerFile(BaseModel):
-    """What a sampler's JSON file holds, version 1."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    format: Literal["cuticle-sampler"] = "cuticle-sampler"
-    version: int = FORMAT_VERSION
-    parameters: tuple[str, ...] = PARAMETERS
-    lobes: int
-    theta_nodes: int
-    strands: list[float]
-    even: bool
-    nodes: list[list[list[list[float]]]]  # [strands][theta_nodes][parameter][lobe], radians
-    energy: list[list[float]]  # [strands][theta_nodes], ∫ f cos
-    family: str = NORMAL
-    about: dict[str, Any] = {}
+FILE = file_schema(
+    "sampler",
+    {
+        "lobes": {"type": "integer"},
+        "theta_nodes": {"type": "integer"},
+        "strands": array(NUMBER),
+        "even": {"type": "boolean"},
+        "nodes": array(NUMBER, 4),  # [strands][theta_nodes][parameter][lobe], radians
+        "energy": array(NUMBER, 2),  # [strands][theta_nodes], ∫ f cos
+    },
+    {"parameters": array({"type": "string"}), "family": {"type": "string"}, "about": {"type": "object"}},
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,7 +261,8 @@ class Sampler(Value):
         axes
             Axes to draw on. Default: those of a new figure.
         """
-        from cuticle._support.plots import plot_density  # Matplotlib takes a second to import
+        with needed("a plot"):  # Matplotlib takes a second to import
+            from cuticle._support.plots import plot_density
 
         tr = validate.number("theta_r", theta_r, -validate.HALF_PI, validate.HALF_PI, remedy=validate.RADIANS)
         n = self.covers[0] if strands is None else strands
@@ -276,20 +273,15 @@ class Sampler(Value):
         return write_text(path, self.to_json())
 
     def to_json(self) -> str:
-        """Return the sampler as JSON text; `SamplerFile.model_json_schema()` returns the schema."""
-        file = SamplerFile(
-            lobes=self.lobes,
-            theta_nodes=self.nodes.shape[1],
-            strands=list(self.strands),
-            even=self.even,
-            family=self.family,
-            nodes=self.nodes.tolist(),
-            energy=self.energy.tolist(),
-            about=self.about,
-        )
-        # Files of normal lobes stay as they were: what reads them knows no other.
-        left_out = {"family"} if self.family == NORMAL else set()
-        return json.dumps(file.model_dump(exclude=left_out), allow_nan=False) + "\n"
+        """Return the sampler as JSON text; `cuticle.sampling.sampler.FILE` is its JSON Schema."""
+        file = {
+            "format": "cuticle-sampler", "version": FORMAT_VERSION, "parameters": PARAMETERS, "lobes": self.lobes,
+            "theta_nodes": self.nodes.shape[1], "strands": self.strands, "even": self.even, "nodes": self.nodes.tolist(),
+            "energy": self.energy.tolist(), "family": self.family, "about": self.about,
+        }  # fmt: skip
+        if self.family == NORMAL:  # files of normal lobes stay as they were: what reads them knows no other
+            del file["family"]
+        return json.dumps(file, allow_nan=False) + "\n"
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Sampler:
@@ -304,18 +296,20 @@ class Sampler(Value):
 
     @classmethod
     def _parsed(cls, text: str, source: str) -> Sampler:
-        file = parse(text, SamplerFile, what="sampler", version=FORMAT_VERSION, source=source)
-        if tuple(file.parameters) != PARAMETERS:
-            raise ValueError(f"{source} is refused: parameters must be {list(PARAMETERS)}, got {list(file.parameters)}")
+        file = parse(text, FILE, what="sampler", version=FORMAT_VERSION, source=source)
+        parameters = file.get("parameters", list(PARAMETERS))
+        if parameters != list(PARAMETERS):
+            raise ValueError(f"{source} is refused: parameters must be {list(PARAMETERS)}, got {parameters}")
         try:
-            nodes, energy = np.array(file.nodes, np.float64), np.array(file.energy, np.float64)
+            nodes, energy = np.array(file["nodes"], np.float64), np.array(file["energy"], np.float64)
         except ValueError:
             raise ValueError(f"{source} is refused: nodes or energy is ragged; every row must have one length") from None
-        expected = (len(file.strands), file.theta_nodes, len(PARAMETERS), file.lobes)
+        expected = (len(file["strands"]), file["theta_nodes"], len(PARAMETERS), file["lobes"])
         if nodes.shape != expected:
             raise ValueError(f"{source} is refused: nodes has shape {nodes.shape}, its header says {expected}")
+        about, family = file.get("about", {}), file.get("family", NORMAL)
         try:
-            return cls(nodes, energy, tuple(file.strands), file.even, file.about, file.family)
+            return cls(nodes, energy, tuple(file["strands"]), file["even"], about, family)
         except ValueError as error:
             raise ValueError(f"{source} is refused: {error}") from None
 

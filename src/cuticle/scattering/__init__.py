@@ -1,5 +1,5 @@
 """What scatters: fibres and their scattering functions."""
 
-import lazy_loader
+from cuticle._support import lazy
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submodules=["conventions", "presets"])
+__getattr__, __dir__, __all__ = lazy.attach(__name__, {"conventions": __name__, "presets": __name__})

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cuticle._support import validate
+from cuticle._support.extras import needed
 
 REC709 = (0.2126, 0.7152, 0.0722)
 
@@ -45,7 +46,8 @@ class Plotted:
         axes
             Axes to draw on. Default: those of a new figure.
         """
-        from cuticle._support.plots import plot_density  # Matplotlib takes a second to import
+        with needed("a plot"):  # Matplotlib takes a second to import
+            from cuticle._support.plots import plot_density
 
         tr = validate.number("theta_r", theta_r, -validate.HALF_PI, validate.HALF_PI, remedy=validate.RADIANS)
 

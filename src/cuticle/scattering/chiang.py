@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import ConfigDict
 
 from cuticle import _core
 from cuticle._support import validate
+from cuticle._support.plain_values import plain
 from cuticle._support.toml_model import TomlModel
 from cuticle._support.values import Value
 from cuticle.scattering import conventions
@@ -34,6 +35,7 @@ RANGES: validate.Ranges = {
 
 
 @first_class
+@dataclass(frozen=True, init=False, eq=False, repr=False)
 class Chiang(TomlModel, Plotted):
     """Far-field scattering of one fibre (Chiang et al. 2016): the near field averaged over the fibre's width.
 
@@ -69,7 +71,6 @@ class Chiang(TomlModel, Plotted):
     >>> theta_i, phi, p = model.near(0.5).sample(0.2, [[0.1, 0.6, 0.3]])
     """
 
-    model_config = ConfigDict(ignored_types=(cached_property,))
     table_name = "chiang"
     table_remedy = "such as beta_m = 0.3"
 
@@ -85,18 +86,12 @@ class Chiang(TomlModel, Plotted):
     def __init__(self, **values: Any) -> None:
         super().__init__(**_checked(values))
 
-    def __eq__(self, other: object) -> bool:  # by parameters: tables that were made on the way have no say
-        return isinstance(other, Chiang) and self.model_dump() == other.model_dump()
-
-    def __hash__(self) -> int:
-        return hash(tuple(self.model_dump().values()))
-
     def __repr__(self) -> str:
-        return f"Chiang({', '.join(f'{k}={v!r}' for k, v in self.model_dump(exclude_none=True).items())})"
+        return f"Chiang({', '.join(f'{k}={v!r}' for k, v in self.values().items())})"
 
     def to_dict(self) -> dict[str, Any]:
         """Return what `from_dict` needs, as values that JSON can hold."""
-        return {"chiang": self.model_dump(exclude_none=True, mode="json")}
+        return {"chiang": plain(self.values())}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Chiang:
@@ -308,9 +303,9 @@ class ChiangNear(Value, Plotted):
 
 
 def _checked(values: dict[str, Any]) -> dict[str, Any]:
-    unknown = sorted(set(values) - set(Chiang.model_fields))
+    unknown = sorted(set(values) - set(Chiang.names()))
     if unknown:
-        raise ValueError(f"Chiang has no parameter {unknown[0]!r}; it has {', '.join(Chiang.model_fields)}")
+        raise ValueError(f"Chiang has no parameter {unknown[0]!r}; it has {', '.join(Chiang.names())}")
     out = validate.ranges(values, RANGES)
     pigments = {"eumelanin", "pheomelanin"} & out.keys()
     given = [*(["pigments"] if pigments else []), *(name for name in ("sigma_a", "color") if name in out)]

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import trapezoid
-from scipy.interpolate import make_interp_spline
 
 from cuticle import _core
+from cuticle._support.interpolation import smooth_spline
+from cuticle._support.quadrature import trapezoid
 from cuticle.scattering.bcsdf import Bcsdf, evaluate, is_even, with_strands
 
 Array = NDArray[np.float64]
@@ -238,7 +238,7 @@ def _row_chooser(exact: _Exact, cases: list[tuple[float, float]]) -> Callable[[f
     sheets = []
     for n, viewer in cases:
         f = exact(n, viewer) / cosine[:, None, None]
-        sheets.append((viewer, f, make_interp_spline(exact.theta, f, k=3)))
+        sheets.append((viewer, f, smooth_spline(exact.theta, f)))
 
     def error(rows: int, reach: float) -> float:
         x, worst = _row_axis(rows, reach), 0.0
@@ -261,7 +261,7 @@ def _column_chooser(exact: _Exact, cases: list[tuple[float, float]]) -> Callable
         f = exact(n, viewer)
         beside = f[:, ::-1] if exact.even else f
         whole = np.concatenate([beside, f, beside], axis=1)
-        splines.append((f, make_interp_spline(around, np.moveaxis(whole, 1, 0), k=3)))
+        splines.append((f, smooth_spline(around, np.moveaxis(whole, 1, 0))))
 
     def error(columns: int) -> float:
         axis = _column_axis(columns, exact.even)
@@ -290,15 +290,15 @@ def _make(exact: _Exact, strands: tuple[float, ...], viewers: int, rows: int, co
     return FunctionTable(
         strands,
         np.reshape(shapes, (len(strands), viewers, rows, columns, channels)),
-        make_interp_spline(turned, log_energy, axis=1)(np.linspace(-np.pi / 2, np.pi / 2, _ENERGIES)).astype(np.float32),
+        smooth_spline(turned, log_energy, axis=1)(np.linspace(-np.pi / 2, np.pi / 2, _ENERGIES)).astype(np.float32),
         reach,
         exact.even,
     )
 
 
 def _energy(f: Array, theta: Array, phi: Array, even: bool) -> Array:
-    along = trapezoid(f, phi, axis=1) * (2 if even else 1)
-    return trapezoid(along * np.cos(theta)[:, None], theta, axis=0)
+    along = np.einsum("j,tjc->tc", trapezoid(phi), f) * (2 if even else 1)
+    return np.asarray(np.einsum("t,tc->c", trapezoid(theta) * np.cos(theta), along))
 
 
 def _four_digits(shape: Array) -> NDArray[np.float32]:

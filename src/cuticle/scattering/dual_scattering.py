@@ -137,9 +137,10 @@ class DualScattering(Value, Plotted):
 
     def _among(self, *, medium: bool) -> _core.Model:
         f, tables = self.fibre, self.single.tables
-        exact = self._exact
-        others = through_tables(f, medium=medium) if exact else (tables.spread, self.average_table, AVERAGE_LIMIT)
-        return _core.Model(f.alpha, f.beta, tables.direct, *others, f.d_f, f.d_b)
+        if self._exact:
+            return _core.Model(f.alpha, f.beta, tables.direct, *through_tables(f, medium=medium), f.d_f, f.d_b)
+        averages = self.average_table
+        return _core.Model(f.alpha, f.beta, tables.direct, tables.spread, averages, AVERAGE_LIMIT, f.d_f, f.d_b)
 
     @cached_property
     def _medium(self) -> _core.Model:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cuticle._support import validate
+from cuticle._support.plain_values import plain
 from cuticle._support.toml_model import TomlModel
 from cuticle.scattering import conventions
 from cuticle.scattering.presets import PRESETS
@@ -37,6 +39,7 @@ _RANGES: validate.Ranges = {
 }
 
 
+@dataclass(frozen=True, init=False, eq=False)
 class Fibre(TomlModel):
     """The parameters of one hair fibre.
 
@@ -119,7 +122,7 @@ class Fibre(TomlModel):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the parameters that are set, as values that JSON can hold."""
-        return self.model_dump(exclude_none=True, mode="json")
+        return dict(plain(self.values()))
 
     @property
     def channels(self) -> int:
@@ -128,7 +131,7 @@ class Fibre(TomlModel):
 
     def replace(self, **changes: Any) -> Fibre:
         """Return a fibre with some parameters changed. Setting sigma_a drops the pigments, and the reverse."""
-        values = self.model_dump(exclude_none=True)
+        values = self.values()
         if "sigma_a" in changes:
             values.pop("eumelanin", None)
             values.pop("pheomelanin", None)
@@ -144,9 +147,9 @@ class Fibre(TomlModel):
 
 def _checked(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return `values` in range and of the right kinds, or raise with one line."""
-    unknown = sorted(set(values) - set(Fibre.model_fields))
+    unknown = sorted(set(values) - set(Fibre.names()))
     if unknown:
-        raise ValueError(f"a fibre has no parameter {unknown[0]!r}; it has {', '.join(Fibre.model_fields)}")
+        raise ValueError(f"a fibre has no parameter {unknown[0]!r}; it has {', '.join(Fibre.names())}")
     out = validate.ranges(values, _RANGES)
     pigments = {"eumelanin", "pheomelanin"} & out.keys()
     if "sigma_a" in out:

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cuticle._support import validate
 from cuticle._support.backends import check_backend, has_llvm
+from cuticle._support.extras import needed
 from cuticle._support.progress import Progress
 from cuticle._support.quadrature import gauss_legendre
 from cuticle._support.values import Value
@@ -235,9 +236,8 @@ def _loaded_again(source: dict[str, Any]) -> MitsubaBsdf | Tabulated:
 
 
 def _load(bsdf: Any, parameters: dict[str, Any], fast: bool) -> tuple[str, Any, dict[str, Any] | None]:
-    if importlib.util.find_spec("mitsuba") is None:
-        raise RuntimeError("this needs Mitsuba 3, which is not installed: pip install cuticle[mitsuba]")
-    import mitsuba as mi
+    with needed("from_mitsuba"):
+        import mitsuba as mi
 
     if not isinstance(bsdf, (str, dict)):
         if parameters:

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
-from scipy.sparse import csc_matrix
-from scipy.sparse.linalg import splu
 
 
 def fill_holes(f: NDArray, periodic: bool) -> float:
@@ -35,6 +32,8 @@ def farthest(missing: NDArray, theta: NDArray, phi: NDArray, periodic: bool) -> 
 
     `missing` has shape (viewers, theta, phi); phi is radians around the fibre, measured at the equator.
     """
+    from scipy.ndimage import distance_transform_edt  # where there are holes: most tables have none
+
     beside = missing if periodic else missing[..., ::-1]
     wide = np.concatenate([beside, missing, beside], axis=2)
     turn = 2 * np.pi
@@ -48,6 +47,9 @@ def farthest(missing: NDArray, theta: NDArray, phi: NDArray, periodic: bool) -> 
 
 
 def _fill(sheet: NDArray, mask: NDArray, periodic: bool) -> NDArray:
+    from scipy.sparse import csc_matrix
+    from scipy.sparse.linalg import splu
+
     rows, columns = mask.shape
     a, b = np.nonzero(mask)
     number = np.full(mask.shape, -1)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 
 _WIDTHS = (1.0, 2.0, 4.0, 8.0)  # deviations of the smoothing, cells
 _CLEAR = 4.0  # standard deviations of the noise above which a value stands as it is
@@ -30,6 +29,8 @@ def settle_noise(f: NDArray, periodic: bool) -> tuple[float, float]:
     if -float(below.sum()) <= LEAST_SHARE * whole:
         np.maximum(f, 0, out=f)
         return 0.0, 0.0
+    from scipy.ndimage import gaussian_filter  # where there is noise: most tables have none
+
     left = kept = largest = 0.0
     modes = ("nearest", "wrap" if periodic else "mirror")
     for r in range(f.shape[0]):

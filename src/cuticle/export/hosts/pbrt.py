@@ -7,11 +7,11 @@ from dataclasses import replace
 
 from cuticle.export.cpp_header import header
 from cuticle.export.family import family_header
-from cuticle.export.frames import FRAMES
 from cuticle.export.registry import Export, FamilyJob, Host, Job
 from cuticle.export.reserved_words import MACRO_PREFIXES, PBRT
 from cuticle.export.source import environment
 from cuticle.scattering import conventions
+from cuticle.scattering.frames import FRAMES
 
 CHANNELS = (1, 3)
 

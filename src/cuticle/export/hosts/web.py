@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cuticle._support.progress import expect
-from cuticle.export.frames import FRAMES
 from cuticle.export.hosts.glsl import DIALECT
 from cuticle.export.registry import Export, Host, Job
 from cuticle.export.shader import TEXTURE_WIDTH, lobe_texels, shader
 from cuticle.export.source import environment
 from cuticle.fitting.fit import fit
+from cuticle.scattering.frames import FRAMES
 
 LOBES = (1, 2, 4, 8)
 # What a fit takes, in fits of one lobe: for up to two strand counts, and for more. Measured with two fibres.
