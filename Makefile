@@ -70,8 +70,8 @@ $(VENV)/.installed: $(NATIVE) | $(BIN)/python
 # why they are skipped.
 TOOLS := chromium chromium-driver fonts-dejavu-core glslang-tools spirv-cross clang
 $(VENV)/.installed-test: $(VENV)/.installed
-	$(PIP) 'alembic3d>=1.8.12' 'hypothesis>=6' 'karellen-llvm-core>=19' 'materialx==1.39.5' 'pytest>=8' 'pytest-xdist>=3.7' \
-		'selenium>=4.20' 'usd-core>=23.11'
+	$(PIP) 'alembic3d>=1.8.12' 'hypothesis>=6' 'karellen-llvm-core>=19' 'materialx==1.39.5' 'mpmath>=1.3' 'pytest>=8' \
+		'pytest-xdist>=3.7' 'python-flint>=0.7' 'selenium>=4.20' 'usd-core>=23.11'
 	@if command -v chromium >/dev/null && command -v chromedriver >/dev/null && command -v glslangValidator >/dev/null \
 		&& command -v clang++ >/dev/null && command -v spirv-cross >/dev/null; then :; \
 	elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \

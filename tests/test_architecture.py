@@ -24,6 +24,7 @@ LAYERS = (
     "sampling",
     "fitting",
     "checking",
+    "reference",
     "draft",
     "grooms",
     "export",

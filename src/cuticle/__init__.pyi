@@ -1,6 +1,7 @@
 from . import draft as draft
 from . import export as export
 from . import grooms as grooms
+from . import reference as reference
 from . import render as render
 from ._support.files import allow_large as allow_large
 from ._support.version import __version__ as __version__

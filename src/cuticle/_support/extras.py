@@ -7,6 +7,7 @@ from contextlib import contextmanager
 
 EXTRAS = {  # of pyproject.toml, by the package that is missing
     "alembic3d": "alembic",
+    "flint": "reference",
     "imath": "alembic",
     "jinja2": "export",
     "matplotlib": "plots",

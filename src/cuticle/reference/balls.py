@@ -1,0 +1,112 @@
+"""Ball arithmetic (Arb, by python-flint) and a quadrature whose error is proven.
+
+A ball is a number with a radius; what is computed from balls is a ball that holds the true result. Nothing here or in
+`proven.py` calls the C++ core.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import lru_cache
+from typing import Any
+
+from cuticle._support.extras import needed
+
+Ball = Any  # flint.arb, or flint.acb where a complex argument is needed
+Integrand = Callable[[Ball], Sequence[Ball]]
+
+BITS = 128  # of working precision; values are told to DIGITS
+DIGITS = 25
+GOAL = 2.0**-66  # of a quadrature: its error over the size that the caller expects
+_ORDERS = (6, 8, 10, 12, 14, 16, 20, 24, 28, 32, 40, 48, 64)  # of Gauss-Legendre rules
+_RHO = 2.5  # of the Bernstein ellipse in which the integrand is bounded
+_DEEPEST = 60
+
+
+def flint() -> Any:
+    """Return the module `flint`, or raise the one line that says how to install it."""
+    with needed("the reference"):
+        import flint as module
+    return module
+
+
+@contextmanager
+def working_precision(bits: int = BITS) -> Iterator[None]:
+    """Within this context, balls have so many bits."""
+    context = flint().ctx
+    before, context.prec = context.prec, bits
+    try:
+        yield
+    finally:
+        context.prec = before
+
+
+def told(ball: Ball) -> tuple[str, str]:
+    """Return a ball as decimal text of `DIGITS` digits, and a bound of how far that is from what the ball holds."""
+    arb = flint().arb
+    if not ball.is_finite():
+        raise ArithmeticError("a reference value has no finite bound; more bits are needed")
+    text = ball.mid().str(DIGITS, radius=False)
+    off = float((arb(text) - ball).abs_upper().str(6, radius=False)) * (1 + 1e-5)
+    return text, f"{off * 1.06:.1e}" if off else "0"  # rounded to two digits, never below `off`
+
+
+def rule(order: int) -> list[tuple[Ball, Ball]]:
+    """Return the nodes in [-1, 1] and weights of a Gauss-Legendre rule, at the working precision."""
+    return _rule(order, flint().ctx.prec)
+
+
+@lru_cache(maxsize=64)
+def _rule(order: int, bits: int) -> list[tuple[Ball, Ball]]:
+    arb = flint().arb
+    return [arb.legendre_p_root(order, k, weight=True) for k in range(order)]
+
+
+def integrate(f: Integrand, a: Ball, b: Ball, sizes: Sequence[float]) -> list[Ball]:
+    """Return balls around the integrals of the components of f over [a, b].
+
+    Gauss-Legendre rules on panels. If f is analytic in the ellipse of foci at a panel's ends and sum of half axes rho times
+    half its length r, and at most m there, the rule of n points is off by at most r (64/15) m rho^-2n / (1 - rho^-2)
+    (Trefethen, "Is Gauss quadrature better than Clenshaw-Curtis?", 2008, Theorem 4.5). m is had by evaluating f on a box
+    around the ellipse, in balls; panels are halved until some order suffices.
+
+    Parameters
+    ----------
+    f
+        Takes a real or complex ball and returns one for each component; not finite where it is not analytic.
+    a, b
+        The ends, exact.
+    sizes
+        About how large each integral is. They steer the effort only: the radius of what is returned is true for any.
+    """
+    module = flint()
+    arb, acb = module.arb, module.acb
+    goals = [max(s, 1e-300) * GOAL for s in sizes]
+    decay = [(n, 64 / 15 * _RHO ** (-2 * n) / (1 - _RHO**-2)) for n in _ORDERS]
+    total = [arb(0)] * len(goals)
+    todo = [(a, b, 0)]
+    whole = b - a
+    while todo:
+        low, high, depth = todo.pop()
+        middle, r = (low + high) / 2, (high - low) / 2
+        across, up = r * (_RHO + 1 / _RHO) / 2, r * (_RHO - 1 / _RHO) / 2
+        box = acb(middle + arb(0, 1) * across, arb(0, 1) * up)
+        largest = [value.abs_upper() for value in f(box)]
+        needed = None
+        if all(m.is_finite() for m in largest):
+            worst = max(float((m * whole / 2 / g).str(4, radius=False)) for m, g in zip(largest, goals, strict=True))
+            needed = next(((n, d) for n, d in decay if d * worst <= 1), None)
+        if needed is None:
+            if depth >= _DEEPEST:
+                raise ArithmeticError("a quadrature did not converge: the integrand is not smooth on its panel")
+            todo += [(low, middle, depth + 1), (middle, high, depth + 1)]
+            continue
+        order, factor = needed
+        sums = [arb(0)] * len(goals)
+        for node, weight in rule(order):
+            for k, value in enumerate(f(middle + r * node)):
+                sums[k] += weight * value
+        for k, m in enumerate(largest):
+            total[k] += r * sums[k] + arb(0, 1) * (r * m * arb(factor) * 1.000001)
+    return total

@@ -1,0 +1,190 @@
+"""`check`: someone's values beside the reference, and what is wrong with them."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cuticle._support import validate
+from cuticle._support.progress import Progress, expect
+from cuticle.reference.balls import working_precision
+from cuticle.reference.cases import REGIONS, Inputs
+from cuticle.reference.findings import Checked, Findings, Worst
+from cuticle.reference.formulas import Evaluated, Formulas
+from cuticle.reference.making import values_of
+from cuticle.reference.models import evaluate, formulas_of
+from cuticle.reference.scans import leads
+from cuticle.reference.search import Search, changed, predicted, search
+from cuticle.reference.tolerance import AVERAGED, FLOORS, Quantity, quantity
+from cuticle.reference.values_file import Submission, read
+from cuticle.scattering.bcsdf import luminance_weights
+
+Array = NDArray[np.float64]
+PRECISIONS = ("auto", "single", "double")
+_PROVEN_ROWS = {True: 200, False: 12}
+_AGREE = 1e-4  # of a tolerance's share: what double precision may be off from a proven value
+
+
+def check(
+    values: str | os.PathLike[str] | Submission,
+    *,
+    precision: str = "auto",
+    tolerance: float | None = None,
+    f_cos: bool = False,
+    cases: str | os.PathLike[str] | None = None,
+    model: str | None = None,
+    progress: Progress | None = None,
+) -> Findings:
+    """Compare someone's values with the reference, and say which slip they have.
+
+    Parameters
+    ----------
+    values
+        A file, see `read`; or what `read` returns.
+    precision
+        "single", "double", or "auto": single where no value has over nine digits or all are floats. It decides how much
+        rounding is allowed.
+    tolerance
+        The relative difference that is allowed besides rounding. Default: 1e-3 in single and 1e-5 in double precision for a
+        closed form (so that approximations of special functions pass); .01 of the value and of its mean over azimuth for
+        the far field, which is someone's quadrature or table.
+    f_cos
+        Whether the values of f hold the cosine.
+    cases, model
+        As `read` has them.
+    progress
+        Called with a phase and a fraction from 0 to 1.
+
+    Returns
+    -------
+    Findings
+        `ok`; print it for the verdicts, worst cases and diagnosis.
+
+    Raises
+    ------
+    ValueError
+        The file is malformed, or an argument out of range.
+    """
+    validate.choice("precision", precision, PRECISIONS)
+    if tolerance is not None:
+        validate.number("tolerance", tolerance, 1e-12, 1)
+    given = values if isinstance(values, Submission) else read(values, cases=cases, model=model)
+    report = progress or (lambda phase, fraction: None)
+    inputs, F = given.inputs, formulas_of(given.inputs)
+    expect(progress, len(inputs) * (4e-5 if inputs.near else 2e-3) + (3 if inputs.near else 30))
+    if f_cos:
+        given = replace(given, f=given.f / np.cos(inputs.columns["theta_i"])[:, None])
+    report("the reference", 0.02)
+    right = evaluate(F, inputs)
+    chosen = precision if precision != "auto" else "single" if given.single else "double"
+    why = "as asked" if precision != "auto" else "no value has over nine digits" if given.single else "by the values' digits"
+    notes, right = _certified(F, inputs, given, right)
+    report("the reference", 0.1)
+    columns = [("f", given.f), ("pdf", given.pdf[:, None])]
+    if not F.normalised and np.isfinite(given.pdf).any():
+        notes.append("the reference has no density of this function: the column pdf is not checked")
+    kept = [(n, v) for n, v in columns if np.isfinite(v).any() and (n == "f" or F.normalised)]
+    checked = []
+    for k, (name, v) in enumerate(kept):
+        q = quantity(name, v, F, inputs, right, chosen, tolerance)
+
+        def part(phase: str, fraction: float, k: int = k) -> None:
+            report(phase, 0.1 + 0.9 * (k + fraction) / len(kept))
+
+        checked.append(_check(F, q, given, right, _tolerance_text(inputs, chosen, tolerance), part))
+    if len(checked) == 2 and checked[0].ok != checked[1].ok:
+        notes.append(
+            f"{checked[0 if checked[0].ok else 1].name} is right: look at {checked[1 if checked[0].ok else 0].name} alone"
+        )
+    return Findings(
+        given.name, inputs.about, len(inputs), f"{chosen} ({why})", tuple(checked), given.wrong, tuple(notes)
+    )  # fmt: skip
+
+
+def _tolerance_text(inputs: Inputs, precision: str, tolerance: float | None) -> str:
+    if not inputs.near:
+        return f"{tolerance or AVERAGED:g} of the value and of its mean over azimuth, and rounding in {precision} precision"
+    return (
+        f"{tolerance or FLOORS[precision]:g} of the value, and what rounding in {precision} precision makes of the formulas"
+    )
+
+
+def _certified(F: Formulas, inputs: Inputs, given: Submission, right: Evaluated) -> tuple[list[str], Evaluated]:
+    """Compare double precision with proven values, where values are furthest off and at random; return a note on it."""
+    count = _PROVEN_ROWS[inputs.near] if F.back is None else 2
+    with np.errstate(all="ignore"):
+        off = np.nanmax(np.nan_to_num(np.abs(given.f / right.f - 1), nan=0.0), axis=1)
+    rows = np.unique(
+        np.concatenate([np.argsort(-off)[: count // 2], np.random.default_rng(2).permutation(len(inputs))[:count]])
+    )
+    rows, worst, f = rows[:count], 0.0, right.f.copy()
+    try:
+        with working_precision():
+            for i in rows:
+                proven = values_of(inputs, int(i), right)
+                exact = np.array([float(proven.f(c).mid()) for c in range(inputs.channels)])
+                seen = exact > 1e-280
+                worst = max([worst, *np.abs(f[i][seen] / exact[seen] - 1)])
+                f[i] = exact
+    except RuntimeError:
+        return ["python-flint is not installed: double precision is not compared with proven values"], right
+    if worst > _AGREE:
+        raise ArithmeticError(
+            f"the reference in double precision is off by {worst:.1e} from its proven value: please report it"
+        )
+    what = "values of estimated error" if F.back is not None else "values of proven error"
+    return [f"the reference: {len(rows)} cases recomputed as {what}; double precision agrees to {worst:.1e}"], replace(
+        right, f=f
+    )
+
+
+def _check(F: Formulas, q: Quantity, given: Submission, right: Evaluated, tolerance: str, progress: Progress) -> Checked:
+    inputs, value = given.inputs, predicted(right, q)
+    lobes, regions = _worst(F, q, given, right)
+    count = int(np.isfinite(q.given).sum())
+    found = Checked(q.name, count, "right", q.outside(value), tolerance, lobes, regions)
+    if q.right(value):
+        return found
+    progress(f"slips of {q.name}", 0.0)
+    made: Search = search(F, q, inputs, value, lambda x: progress(f"slips of {q.name}", 0.6 * x))
+    found = replace(found, best=made.best, alternatives=made.alternatives, singles=made.singles, verdict="wrong")
+    if made.best.explains:
+        known = all(s.approximation for s in made.best.slips)
+        return replace(found, verdict="right but for an approximation") if known else found
+    rows = made.rows
+    base = changed(F, made.best.slips) if made.best.score < 0.6 * made.singles[-1].score else F
+    base = base if made.best.score < 0.6 * q.take(rows).score(value[rows]) else F
+    where = leads(base, q.take(rows), inputs.take(rows), lambda x: progress(f"leads of {q.name}", 0.6 + 0.4 * x))
+    return replace(found, best=made.best if base is not F else replace(made.best, slips=()), leads=where)
+
+
+def _worst(F: Formulas, q: Quantity, given: Submission, right: Evaluated) -> tuple[tuple[Worst, ...], tuple[Worst, ...]]:
+    value, inputs = predicted(right, q), given.inputs
+    off = q.off(value)
+    light = right.parts @ luminance_weights(inputs.channels)
+    first = np.argmax(np.nan_to_num(light), axis=1)
+    by_lobe = [(lobe, first == p) for p, lobe in enumerate(F.names)]
+    by_region = [(r.name, r.holds(inputs)) for r in REGIONS]
+
+    def rows(groups: list[tuple[str, Any]]) -> tuple[Worst, ...]:
+        return tuple(w for name, mask in groups if (w := _worst_of(name, mask, q, value, off, given)) is not None)
+
+    return rows(by_lobe), rows(by_region)
+
+
+def _worst_of(name: str, mask: Array, q: Quantity, value: Array, off: Array, given: Submission) -> Worst | None:
+    some = np.where(mask[:, None], off, np.nan)
+    known = some[~np.isnan(some)]
+    if not known.size:
+        return None
+    i, c = divmod(int(np.nanargmax(some)), some.shape[1])
+    channel = "" if q.given.shape[1] == 1 else "rgb"[c]
+    row = given.inputs.row(i)
+    where = ", ".join(f"{k} {v:.4g}" for k, v in row.items() if not k.startswith("sigma_a"))
+    where += f", sigma_a {given.inputs.sigma_a[i, min(c, given.inputs.channels - 1)]:.4g}"
+    outside, case = float((known > 1).mean()), int(given.rows[i])
+    return Worst(name, int(known.size), outside, case, channel, float(q.given[i, c]), float(value[i, c]), where)

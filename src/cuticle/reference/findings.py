@@ -1,0 +1,258 @@
+"""What a check finds: verdicts, worst cases and a diagnosis, in words and as plain values."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from cuticle._support.plain_values import plain
+from cuticle._support.values import Value
+from cuticle.reference.scans import Leads
+from cuticle.reference.search import Hypothesis
+from cuticle.reference.tolerance import EXPLAINED
+
+_WORST_REGIONS = 6
+
+
+@dataclass(frozen=True)
+class Worst:
+    """The worst value of a lobe or a region: how many there are, the share outside the tolerance, and the worst case."""
+
+    name: str
+    values: int
+    outside: float
+    case: int
+    channel: str
+    given: float
+    right: float
+    where: str
+
+    @property
+    def difference(self) -> float:
+        """Return the relative difference of the worst value."""
+        return self.given / self.right - 1 if self.right else float("inf")
+
+
+@dataclass(frozen=True)
+class Checked:
+    """What is said of one quantity, f or the density.
+
+    Attributes
+    ----------
+    name, values
+        "f" or "pdf", and how many values there are.
+    verdict
+        "right", "right but for an approximation" or "wrong".
+    outside
+        The share of values outside the tolerance.
+    tolerance
+        In words.
+    lobes, regions
+        The worst case of each.
+    best
+        The hypothesis that explains the values, or explains most; None where they are right.
+    alternatives, singles
+        Others that explain them as well; single slips by misfit, best first.
+    leads
+        Where to look, where no hypothesis explains the values.
+    """
+
+    name: str
+    values: int
+    verdict: str
+    outside: float
+    tolerance: str
+    lobes: tuple[Worst, ...]
+    regions: tuple[Worst, ...]
+    best: Hypothesis | None = None
+    alternatives: tuple[Hypothesis, ...] = ()
+    singles: tuple[Hypothesis, ...] = ()
+    leads: Leads | None = None
+
+    @property
+    def ok(self) -> bool:
+        """Whether the values are right, or off by an approximation that is known."""
+        return self.verdict != "wrong"
+
+
+@dataclass(frozen=True, eq=False)
+class Findings(Value):
+    """The result of a check: `ok`, and for f and for the density the verdict, the worst cases and the diagnosis.
+
+    Attributes
+    ----------
+    name, about, cases
+        The file, the model, and the number of cases.
+    precision
+        "single" or "double", and how that was chosen.
+    checked
+        One `Checked` for each quantity that has values.
+    notes
+        What else was noticed.
+    """
+
+    name: str
+    about: str
+    cases: int
+    precision: str
+    checked: tuple[Checked, ...]
+    wrong: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def ok(self) -> bool:
+        """Whether all is right."""
+        return not self.wrong and all(c.ok for c in self.checked)
+
+    @property
+    def slips(self) -> tuple[str, ...]:
+        """Names of the slips that explain the values; empty where none is needed, or none explains them."""
+        found = [c.best for c in self.checked if c.best is not None and c.best.explains]
+        return tuple(dict.fromkeys(s.name for h in found for s in h.slips))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the findings as plain values that JSON can hold."""
+        return plain(_as_dict(self))
+
+    def __str__(self) -> str:
+        return _as_text(self)
+
+    __repr__ = __str__
+
+
+def _as_text(found: Findings) -> str:
+    """Return the findings as text for a terminal."""
+    lines = [f"{found.name}: {found.about}, {found.cases:,} cases; precision {found.precision}"]
+    for text in found.wrong[:5]:
+        lines.append(f"NOT A NUMBER: {text}")
+    if len(found.wrong) > 5:
+        lines.append(f"… and {len(found.wrong) - 5} more values that are no numbers")
+    for c in found.checked:
+        lines += ["", *_checked(c)]
+    lines += ["", *(f"note: {n}" for n in found.notes)]
+    lines.append(f"verdict: {'right' if found.ok else 'WRONG'}" + _summary(found))
+    return "\n".join(lines)
+
+
+def _summary(found: Findings) -> str:
+    parts = []
+    for c in found.checked:
+        if c.best is None:
+            continue
+        parts.append(f"{c.name}: {c.best.name if c.best.explains else _one_change(c) or 'no known slip explains it'}")
+    return f" ({'; '.join(parts)})" if parts else ""
+
+
+def _one_change(c: Checked) -> str:
+    """Return the change that explains the values, on top of the known slips, if one does."""
+    clue = c.leads.clues[0] if c.leads is not None and c.leads.clues else None
+    if clue is None or clue.outside > EXPLAINED:
+        return ""
+    return " + ".join([s.name for s in c.best.slips] + [clue.words]) if c.best is not None else clue.words
+
+
+def _checked(c: Checked) -> list[str]:
+    title = f"{c.name}: {c.verdict.upper() if not c.ok else c.verdict}"
+    lines = [f"{title}; {c.values:,} values, {_percent(c.outside)} of them off by more than {c.tolerance}"]
+    if c.verdict == "right":
+        worst = max(c.lobes, key=lambda w: abs(w.difference))
+        return [*lines, f"  the largest difference is {worst.difference:+.2g} of the value, in case {worst.case}"]
+    lines += _table("by lobe that dominates", c.lobes)
+    regions = sorted(c.regions, key=lambda w: -w.outside)[:_WORST_REGIONS]
+    lines += _table("by region, the worst", regions)
+    assert c.best is not None
+    return lines + (_explained(c) if c.best.explains else _unexplained(c))
+
+
+def _table(title: str, rows: Any) -> list[str]:
+    lines = [f"  {title:<44}{'values':>8}{'off':>8}{'worst':>10}  case, given, right"]
+    for w in rows:
+        lines.append(f"    {w.name:<42}{w.values:>8,}{_percent(w.outside):>8}{_difference(w):>10}  {w.case}{_of(w)}")
+    worst = max(rows, key=lambda w: w.outside)
+    return [*lines, f"    the inputs of case {worst.case}: {worst.where}"] if title.startswith("by lobe") else lines
+
+
+def _of(w: Worst) -> str:
+    channel = f" {w.channel}" if w.channel else ""
+    return f"{channel}: {w.given:.6g}, {w.right:.6g}"
+
+
+def _difference(w: Worst) -> str:
+    d = w.difference
+    return f"{100 * d:+.2g} %" if abs(d) < 9.95 else f"× {w.given / w.right:.3g}" if w.right else "–"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %" if share < 0.995 or share == 1 else f"{100 * share:.1f} %"
+
+
+def _explained(c: Checked) -> list[str]:
+    best = c.best
+    assert best is not None
+    lines = [f"  diagnosis: {best.name}; with {_them(best)}, {_percent(best.outside)} of the values are off"]
+    lines += _slips(best)
+    for h in c.alternatives:
+        lines.append(f"    these values do not tell it from: {h.name} ({_percent(h.outside)} off)")
+    others = [h for h in c.singles if h.slips and h.slips != best.slips][:3]
+    if others:
+        tail = "; ".join(f"{h.name} {_percent(h.outside)}" for h in others)
+        lines.append(f"    single slips, and what each leaves off (of the cases searched): {tail}")
+    return lines
+
+
+def _them(h: Hypothesis) -> str:
+    return "it" if len(h.slips) == 1 else f"these {len(h.slips)} together"
+
+
+def _slips(h: Hypothesis) -> list[str]:
+    lines = []
+    for s in h.slips:
+        lines += [f"    {s.name}: {s.meaning}", f"      right: {s.right}", f"      here:  {s.wrong}"]
+    return lines
+
+
+def _unexplained(c: Checked) -> list[str]:
+    best = c.best
+    assert best is not None
+    lines = ["  diagnosis: none of the known slips explains it; one at a time, other numbers and exponents were tried"]
+    if best.slips:
+        lines.append(
+            f"    nearest: {best.name}, which leaves {_percent(best.outside)} off (median difference {best.median:.2g})"
+        )
+        lines += _slips(best)
+    if c.leads is None:
+        return lines
+    on_top = " on top of that" if best.slips else ""
+    for clue in c.leads.clues:
+        does = "explains it" if clue.outside <= EXPLAINED else "would help"
+        lines.append(f"    {does}{on_top}: {clue.words} ({_percent(clue.outside)} of the cases searched left off)")
+    if c.leads.lobes:
+        lines.append(f"    by lobe{on_top}:")
+        lines += [f"      {text}" for text in c.leads.lobes]
+    if c.leads.inputs:
+        lines.append(f"    the differences grow with: {', '.join(c.leads.inputs)}")
+    return lines
+
+
+def _as_dict(found: Findings) -> dict[str, Any]:
+    """Return the findings as dictionaries and lists."""
+    return {
+        "name": found.name, "about": found.about, "cases": found.cases, "precision": found.precision, "ok": found.ok,
+        "slips": list(found.slips), "not_numbers": list(found.wrong), "notes": list(found.notes),
+        "checked": [_checked_dict(c) for c in found.checked],
+    }  # fmt: skip
+
+
+def _checked_dict(c: Checked) -> dict[str, Any]:
+    return {
+        "quantity": c.name, "values": c.values, "verdict": c.verdict, "outside": c.outside, "tolerance": c.tolerance,
+        "lobes": [asdict(w) for w in c.lobes], "regions": [asdict(w) for w in c.regions],
+        "diagnosis": None if c.best is None else _hypothesis(c.best),
+        "alternatives": [_hypothesis(h) for h in c.alternatives], "singles": [_hypothesis(h) for h in c.singles],
+        "leads": None if c.leads is None else asdict(c.leads),
+    }  # fmt: skip
+
+
+def _hypothesis(h: Hypothesis) -> dict[str, Any]:
+    slips = [{"name": s.name, "meaning": s.meaning, "right": s.right, "here": s.wrong} for s in h.slips]
+    return {"slips": slips, "outside": h.outside, "median_difference": h.median, "explains": h.explains}

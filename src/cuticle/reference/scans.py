@@ -1,0 +1,276 @@
+"""Where to look when no known slip explains the values: what one number, exponent or factor would have to be instead."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import combinations, product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from cuticle.reference.among_strands import BACK_TIMES
+from cuticle.reference.cases import Inputs
+from cuticle.reference.formulas import ROUGHLY, Evaluated, Formulas
+from cuticle.reference.models import evaluate
+from cuticle.reference.search import predicted
+from cuticle.reference.tolerance import Quantity
+from cuticle.reference.variants import ROOT, SCALE, polynomial, variants
+
+Array = NDArray[np.float64]
+_GRID = np.unique(np.concatenate([2.0 ** np.linspace(-3.5, 3.5, 29), -(2.0 ** np.linspace(-2, 2, 9)), [0.0]]))
+_COARSE = np.unique(np.concatenate([2.0 ** np.linspace(-3, 3, 13), [-1.0, 0.0]]))
+_PI, _ROOT = math.pi, math.sqrt
+_CONSTANTS = {
+    "π": _PI, "1/π": 1 / _PI, "2π": 2 * _PI, "1/(2π)": 0.5 / _PI, "4π": 4 * _PI, "1/(4π)": 0.25 / _PI, "π²": _PI**2,
+    "1/π²": _PI**-2, "π/2": _PI / 2, "2/π": 2 / _PI, "√2": _ROOT(2), "1/√2": _ROOT(0.5), "√3": _ROOT(3),
+    "√π": _ROOT(_PI), "√(π/8)": _ROOT(_PI / 8), "√(8/π)": _ROOT(8 / _PI), "π/√3": _PI / _ROOT(3), "√3/π": _ROOT(3) / _PI,
+    "√(2π)": _ROOT(2 * _PI), "π/180": _PI / 180, "180/π": 180 / _PI, "1/3": 1 / 3, "2/3": 2 / 3,
+    "64/63": 64 / 63, "63/64": 63 / 64,
+    "ln 2": math.log(2), "log2 e": 1 / math.log(2), "ln 10": math.log(10),
+}  # fmt: skip
+_FAR_ROWS = 40
+_WITHOUT = 1e-5  # a lobe's share below which a value does without it
+Change = tuple[Formulas, Inputs]
+
+
+@dataclass(frozen=True)
+class Clue:
+    """One thing that, if it were otherwise, would bring the values nearer: in words, and what it leaves."""
+
+    words: str
+    outside: float  # share of the values outside the tolerance
+    score: float
+
+
+@dataclass(frozen=True)
+class Leads:
+    """Where to look: changes that would help, best first; lobes that are off; inputs that the differences go with."""
+
+    clues: tuple[Clue, ...]
+    lobes: tuple[str, ...]
+    inputs: tuple[str, ...]
+
+
+def leads(F: Formulas, quantity: Quantity, inputs: Inputs, progress: Callable[[float], None]) -> Leads:
+    """Return where to look, for formulas that do not explain the quantity."""
+    if not inputs.near and len(inputs) > _FAR_ROWS:
+        few = np.linspace(0, len(inputs) - 1, _FAR_ROWS).astype(int)
+        quantity, inputs = quantity.take(few), inputs.take(few)
+    e = evaluate(F, inputs, ROUGHLY)
+    before = quantity.score(predicted(e, quantity))
+    found = [*_powers(F, quantity, inputs, e)]
+    if quantity.name == "f":
+        found += _lobe_factors(F, quantity, inputs, e)
+    every = list(_one_number(F, inputs)) + list(variants(F))
+    for k, (words, make) in enumerate(every):
+        found.append(_fitted(words, make, F, quantity, inputs))
+        progress((k + 1) / len(every))
+    best = sorted((c for c in found if c.score < 0.8 * before), key=lambda c: c.score)
+    kept = [c for c in best if c.score <= 2 * best[0].score + 0.05][:5]
+    off = quantity.off(predicted(e, quantity))
+    grows = _correlations(quantity, inputs, predicted(e, quantity))
+    coarse = (_COARSENESS,) if quantity.averaged and _both_signs(quantity, predicted(e, quantity)) else ()
+    return Leads(tuple(kept), (*_lobes(F, quantity, e, off), *coarse), grows)
+
+
+_COARSENESS = (
+    "the differences have both signs and almost no mean: a quadrature over h, or a table, that is too coarse looks so"
+)
+
+
+def _both_signs(quantity: Quantity, value: Array) -> bool:
+    with np.errstate(all="ignore"):
+        ratio = np.log(quantity.given / value)
+    ratio = ratio[np.isfinite(ratio)]
+    return bool(
+        ratio.size >= 20 and abs(np.median(ratio)) < 0.15 * np.mean(np.abs(ratio)) and 0.25 < (ratio > 0).mean() < 0.75
+    )
+
+
+def constant(k: float) -> str:
+    """Return a number, and the constant that it is nearly, in words."""
+    name = next((n for n, c in _CONSTANTS.items() if abs(k / c - 1) < 2e-3), "")
+    return f"{k:.4g}" + (f" ({name})" if name else "")
+
+
+def _fitted(words: str, make: Any, F: Formulas, quantity: Quantity, inputs: Inputs) -> Clue:
+    """Return the clue of the best number for one change; `make` may instead be the formulas of a change without a number."""
+
+    def value(k: float) -> Array:
+        G, x = make(k)
+        return predicted(evaluate(G, x, ROUGHLY), quantity)
+
+    if isinstance(make, Formulas):
+        p = predicted(evaluate(make, inputs, ROUGHLY), quantity)
+        return Clue(words, quantity.outside(p), quantity.score(p))
+    grid = _GRID if inputs.near else _COARSE
+    scores = [quantity.score(value(k)) for k in grid]
+    i = int(np.argmin(scores))
+    low, high, best = grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)], (scores[i], float(grid[i]))
+    ratio = (math.sqrt(5) - 1) / 2
+    for _ in range(26 if inputs.near else 10):  # golden section
+        a, b = high - ratio * (high - low), low + ratio * (high - low)
+        sa, sb = quantity.score(value(a)), quantity.score(value(b))
+        best = min(best, (sa, float(a)), (sb, float(b)))
+        low, high = (low, b) if sa < sb else (a, high)
+    p = value(best[1])
+    return Clue(f"{words} × {constant(best[1])}", quantity.outside(p), quantity.score(p))
+
+
+def _one_number(F: Formulas, inputs: Inputs) -> Iterator[tuple[str, Callable[[float], Change]]]:
+    if F.back is not None:  # other inputs would need other averages, which take long
+        for words, change in BACK_TIMES.items():
+            yield words, _back_times(F, inputs, change)
+        return
+    for name in inputs.columns:
+        if name not in ("theta_i", "theta_r", "phi", "h"):
+            yield name, _input_times(F, inputs, name)
+    yield "sigma_a", lambda k: (F, replace(inputs, sigma_a=np.maximum(inputs.sigma_a * k, 0)))
+    yield "the scale of D", lambda k: (replace(F, scale=lambda q: F.scale(q) * max(k, 1e-3)), inputs)
+    yield "every variance of M", _lobes_times(F, inputs, "variances", None)
+    yield "every tilt", _lobes_times(F, inputs, "tilts", None)
+    yield "η′", lambda k: (replace(F, bravais=lambda theta, eta: F.bravais(theta, eta) * max(k, 1e-3)), inputs)
+    if F.kind == "chiang":
+        yield from _coefficients(F, inputs)
+    for p, lobe in enumerate(F.lobes):
+        yield f"the variance of {lobe}", _lobes_times(F, inputs, "variances", p)
+        if p < 3:
+            yield f"the tilt of {lobe}", _lobes_times(F, inputs, "tilts", p)
+
+
+def _back_times(F: Formulas, inputs: Inputs, change: Callable[[Any, float], Any]) -> Callable[[float], Change]:
+    return lambda k: (replace(F, back=change(F.back, k)), inputs)
+
+
+def _input_times(F: Formulas, inputs: Inputs, name: str) -> Callable[[float], Change]:
+    return lambda k: (F, _scaled(inputs, name, k))
+
+
+def _lobes_times(F: Formulas, inputs: Inputs, what: str, lobe: int | None) -> Callable[[float], Change]:
+    """Multiply one lobe's variance or tilt, or all of them."""
+
+    def change(k: float) -> Change:
+        by = max(k, 1e-3) if what == "variances" else k
+
+        def values(q: Any) -> list[Array]:
+            return [x * (by if lobe in (None, p) else 1) for p, x in enumerate(getattr(F, what)(q))]
+
+        return (replace(F, variances=values) if what == "variances" else replace(F, tilts=values)), inputs
+
+    return change
+
+
+def _coefficients(F: Formulas, inputs: Inputs) -> Iterator[tuple[str, Callable[[float], Change]]]:
+    """Each coefficient of Chiang's polynomials of roughness."""
+    for j in range(3):
+
+        def variances(k: float, j: int = j) -> Change:
+            c = tuple(x * (k if i == j else 1) for i, x in enumerate(ROOT))
+            return replace(
+                F, variances=lambda q: [polynomial(c, (1, 2, 20), q.beta_m) ** 2 * n for n in (1, 0.25, 4, 4)]
+            ), inputs
+
+        def scale(k: float, j: int = j) -> Change:
+            c = tuple(x * (k if i == j else 1) for i, x in enumerate(SCALE))
+            return replace(
+                F, scale=lambda q: np.sqrt(np.pi / 8) * np.maximum(polynomial(c, (1, 2, 22), q.beta_n), 1e-3)
+            ), inputs
+
+        yield f"the coefficient {ROOT[j]:g} of v", variances
+        yield f"the coefficient {SCALE[j]:g} of s", scale
+
+
+def _scaled(inputs: Inputs, name: str, k: float) -> Inputs:
+    x = inputs.columns[name] * k
+    low = 1.0001 if name == "eta" else 1e-3 if name.startswith("beta") else -np.inf
+    return replace(inputs, columns={**inputs.columns, name: np.maximum(x, low)})
+
+
+def _powers(F: Formulas, quantity: Quantity, inputs: Inputs, e: Evaluated) -> list[Clue]:
+    """F times powers of the cosines and a constant."""
+    ti, tr = inputs.columns["theta_i"], inputs.columns["theta_r"]
+    logs = [np.log(np.cos(x)) for x in (ti, tr, (tr - ti) / 2, (tr + ti) / 2)]
+    value, found = predicted(e, quantity), []
+    for powers in product(range(-3, 4), repeat=4):
+        if sum(map(abs, powers)) > 3:
+            continue
+        factor = np.exp(sum(n * x for n, x in zip(powers, logs, strict=True)))[:, None]
+        with np.errstate(all="ignore"):
+            ratio = quantity.given / (value * factor)
+        usual = ratio[np.isfinite(ratio) & (value > 0)]
+        for k in {1.0, float(np.median(usual)) if usual.size else 1.0}:
+            if not any(powers) and k == 1:
+                continue
+            names = ("cos θ_i", "cos θ_r", "cos θ_d", "cos θ_h")
+            words = [f"{n}^{m}" if m != 1 else n for n, m in zip(names, powers, strict=True) if m]
+            words += [constant(k)] if k != 1 else []
+            p = value * factor * k
+            found.append(Clue(f"{quantity.name} × {' × '.join(words)}", quantity.outside(p), quantity.score(p)))
+    return [min(found, key=lambda c: c.score)]
+
+
+def _lobe_factors(F: Formulas, quantity: Quantity, inputs: Inputs, e: Evaluated) -> list[Clue]:
+    """One factor for each lobe, fitted robustly: by cases that the lobe has almost to itself."""
+    share = e.parts / np.maximum(e.parts.sum(axis=1, keepdims=True), 1e-300)
+    finished = e.f / np.maximum(e.parts.sum(axis=1), 1e-300)
+    factors = []
+    for p in range(len(F.names)):
+        with np.errstate(all="ignore"):
+            ratio = np.where(share[:, p] > 0.98, quantity.given / e.f, np.nan)
+        ratio = ratio[np.isfinite(ratio)]
+        if ratio.size < 5:
+            return []
+        factors.append(float(np.median(ratio)))
+    p = np.einsum("npc,p->nc", e.parts, factors) * finished
+    words = ", ".join(f"{lobe} × {constant(k)}" for lobe, k in zip(F.names, factors, strict=True) if abs(k - 1) > 1e-3)
+    return [Clue(words, quantity.outside(p), quantity.score(p))] if words else []
+
+
+def _lobes(F: Formulas, quantity: Quantity, e: Evaluated, off: Array) -> tuple[str, ...]:
+    """Say which lobes are wrong: the fewest without which the values are right. Then what each lobe is off by."""
+    share = e.parts / np.maximum(e.parts.sum(axis=1, keepdims=True), 1e-300)
+    if quantity.name == "pdf":
+        share = share.mean(axis=2, keepdims=True)
+    found, names = [], range(len(F.names))
+    for some in (c for size in (1, 2) for c in combinations(names, size)):
+        without = off[share[:, some].sum(axis=1) < _WITHOUT]
+        without = without[~np.isnan(without)]
+        if without.size >= 20 and (without > 1).mean() < 0.01:
+            which = " and ".join(F.names[p] for p in some)
+            found = [f"only {which} seems to be wrong: {without.size} values without it are right"]
+            break
+    value = predicted(e, quantity)
+    for p, lobe in enumerate(F.names):
+        mine = share[:, p] > 0.99
+        known = off[mine & ~np.isnan(off)]
+        if known.size < 5:
+            continue
+        with np.errstate(all="ignore"):
+            middle = np.nanmedian((quantity.given / value)[mine])
+        found.append(
+            f"{lobe}: of {known.size} values that are its own, {100 * (known > 1).mean():.0f} % are off, in the median by"
+            f" {100 * (middle - 1):+.2g} %"
+        )
+    return tuple(found)
+
+
+def _correlations(quantity: Quantity, inputs: Inputs, value: Array) -> tuple[str, ...]:
+    """Name the inputs that the size of the differences goes with."""
+    with np.errstate(all="ignore"):
+        size = np.nanmean(np.abs(np.log(np.abs(quantity.given / value))), axis=1)
+    use = np.isfinite(size)
+    if use.sum() < 20 or np.ptp(size[use]) == 0:
+        return ()
+    columns: Mapping[str, Array] = {**inputs.columns, "sigma_a": inputs.sigma_a.mean(axis=1)}
+    every: dict[str, Array] = {}
+    for name, x in columns.items():
+        every[name] = x
+        if x.min() < 0:
+            every[f"|{name}|"] = np.abs(x)
+    rank = {n: float(stats.spearmanr(x[use], size[use]).statistic) for n, x in every.items() if np.ptp(x[use]) > 0}
+    top = sorted((n for n in rank if abs(rank[n]) > 0.25), key=lambda n: -abs(rank[n]))[:4]
+    return tuple(f"{n} (rank correlation {rank[n]:+.2f})" for n in top)

@@ -1,0 +1,133 @@
+"""Which known slips someone's values have: single slips first, then combinations, by what each leaves unexplained."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cuticle.reference.cases import Inputs
+from cuticle.reference.formulas import ROUGHLY, Evaluated, Formulas
+from cuticle.reference.models import evaluate
+from cuticle.reference.slip_table import SLIPS
+from cuticle.reference.slips import Slip
+from cuticle.reference.tolerance import EXPLAINED, Quantity
+
+Array = NDArray[np.float64]
+MOST_TOGETHER = 4
+_BEAM = 6
+_ROWS = {True: 500, False: 64}  # that hypotheses are told apart on: near field, far field
+_FINAL_ROWS = {True: 100_000, False: 400}
+_PROGRESS = {True: 0.999, False: 0.95}  # a further slip must bring the misfit below this share
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """Slips, and what they leave: the share of values outside the tolerance, the median difference, and the misfit."""
+
+    slips: tuple[Slip, ...]
+    outside: float
+    median: float
+    score: float
+    explains: bool
+
+    @property
+    def name(self) -> str:
+        """Return the names of the slips."""
+        return " + ".join(s.name for s in self.slips) or "none"
+
+
+@dataclass(frozen=True)
+class Search:
+    """What was found: the best hypothesis, others that explain the values as well, and every single slip, best first."""
+
+    best: Hypothesis
+    alternatives: tuple[Hypothesis, ...]
+    singles: tuple[Hypothesis, ...]
+    rows: NDArray[np.intp]  # of the cases that were searched
+
+
+def applicable(F: Formulas, quantity: Quantity, near: bool) -> list[Slip]:
+    """Return the slips that these formulas and this quantity may have."""
+    field = "near" if near else "far"
+    return [s for s in SLIPS if F.kind in s.kinds and s.only in ("", field) and _concerns(s, quantity)]
+
+
+def _concerns(slip: Slip, quantity: Quantity) -> bool:
+    """Whether a slip can show in a quantity: factors of f do not in the density, those of the density not in f."""
+    return slip.group not in ("pi", "cosine", "average") if quantity.name == "pdf" else not slip.pdf
+
+
+def predicted(e: Evaluated, quantity: Quantity) -> Array:
+    """Return what is compared with a quantity, (n, channels)."""
+    return e.f if quantity.name == "f" else e.pdf[:, None]
+
+
+def changed(F: Formulas, slips: Sequence[Slip]) -> Formulas:
+    """Return the formulas with slips; factors come last, so that they multiply whatever stands."""
+    for slip in slips:
+        F = slip.change(F)
+    return F
+
+
+def search_rows(quantity: Quantity, right: Array, near: bool) -> NDArray[np.intp]:
+    """Return cases to tell hypotheses apart: half of them off, half at random, repeatable."""
+    off = quantity.off(right)
+    some = ~np.isnan(off).all(axis=1)
+    far_off = np.flatnonzero(some & (np.nan_to_num(off) > 1).any(axis=1))
+    others = np.flatnonzero(some)
+    rng, limit = np.random.default_rng(1), _ROWS[near]
+    if len(others) <= limit:
+        return others
+    half = rng.permutation(far_off)[: limit // 2]
+    return np.unique(np.concatenate([half, rng.permutation(others)[: limit - len(half)]]))
+
+
+def search(F: Formulas, quantity: Quantity, inputs: Inputs, right: Array, progress: Callable[[float], None]) -> Search:
+    """Return the slips that explain a quantity best. `right` is what it should be, of all cases."""
+    rows = search_rows(quantity, right, inputs.near)
+    some, few = inputs.take(rows), quantity.take(rows)
+    table = applicable(F, quantity, inputs.near)
+
+    def tried(slips: tuple[Slip, ...]) -> Hypothesis:
+        return _judge(slips, few, predicted(evaluate(changed(F, slips), some, ROUGHLY), few))
+
+    start = _judge((), few, right[rows])
+    frontier, singles, alternatives, best = [start], [start], [], start
+    for depth in range(MOST_TOGETHER):
+        seen: dict[frozenset[str], Hypothesis] = {}
+        for k, h in enumerate(frontier):
+            groups = {s.group for s in h.slips}
+            for slip in table:
+                key = frozenset(s.name for s in (*h.slips, slip))
+                if slip.group not in groups and key not in seen:
+                    seen[key] = tried((*h.slips, slip))
+            progress((depth + (k + 1) / len(frontier)) / MOST_TOGETHER)
+        found = sorted(seen.values(), key=lambda h: h.score)
+        singles = singles if depth else found
+        if not found or found[0].score > _PROGRESS[inputs.near] * best.score:
+            break
+        best, frontier = found[0], found[:_BEAM]
+        explained = [h for h in found if h.explains]
+        if explained:
+            best, alternatives = explained[0], explained[1:6]
+            break
+    whole = rows if len(inputs) > _FINAL_ROWS[inputs.near] else np.arange(len(inputs))
+    last = _judge(
+        best.slips, quantity.take(whole), predicted(evaluate(changed(F, best.slips), inputs.take(whole)), quantity)
+    )
+    near = [h for h in alternatives if h.score < 1.5 * best.score + 0.02]
+    return Search(last, tuple(near), tuple(singles), rows)
+
+
+def _judge(slips: tuple[Slip, ...], quantity: Quantity, value: Array) -> Hypothesis:
+    with np.errstate(all="ignore"):
+        difference = np.abs(quantity.given / value - 1)
+    difference = difference[np.isfinite(difference)]
+    median = float(np.median(difference)) if difference.size else np.inf
+    outside = quantity.outside(value)
+    limit = EXPLAINED if not quantity.averaged else 2 * 1e-2
+    explains = outside <= limit and quantity.bias(value) <= 1
+    return Hypothesis(slips, outside, median, quantity.score(value), explains)

@@ -1,0 +1,211 @@
+"""Slips: what goes wrong in hair shaders, each as a change of the right formulas; `slip_table.py` lists them.
+
+All are derived from what the papers print and what their readers may take it for; none holds another's code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from cuticle.reference.formulas import Formulas
+
+Array = NDArray[np.float64]
+Change = Callable[[Formulas], Formulas]
+ALL, CONSERVING = ("chiang", "conserving", "gaussian", "dual_scattering"), ("chiang", "conserving")
+SINGLE = ("chiang", "conserving", "gaussian")
+
+
+@dataclass(frozen=True)
+class Slip:
+    """A known slip.
+
+    Attributes
+    ----------
+    name, group
+        Its name; slips of one group exclude one another.
+    meaning, right, wrong
+        In words, and the right formula beside the wrong one.
+    change
+        Takes the right formulas and returns them with the slip.
+    kinds
+        The formulas that it applies to: "chiang", "conserving", "gaussian" (Marschner's), "dual_scattering".
+    pdf
+        Whether it is a slip of the density alone.
+    approximation
+        Whether it is an approximation that some renderers choose, not an error.
+    only
+        "near" or "far" where it is a slip of that field only, else "".
+    """
+
+    name: str
+    group: str
+    meaning: str
+    right: str
+    wrong: str
+    change: Change
+    kinds: tuple[str, ...] = SINGLE
+    pdf: bool = False
+    approximation: bool = False
+    only: str = ""
+
+
+def having(**fields: Any) -> Change:
+    """Replace formulas."""
+    return lambda F: replace(F, **fields)
+
+
+def f_times(by: Callable[[Any], Any]) -> Change:
+    """Multiply f by a factor, on top of what is there."""
+    return lambda F: replace(F, finish=lambda q, f: F.finish(q, f) * by(q))
+
+
+def pdf_times(by: Callable[[Any], Any]) -> Change:
+    """Multiply the density by a factor, on top of what is there."""
+    return lambda F: replace(F, finish_pdf=lambda q, p: F.finish_pdf(q, p) * by(q))
+
+
+def tilts_by(of: Callable[[Any, list[Array]], list[Array]]) -> Change:
+    """Make other tilts of the inputs and the right ones."""
+    return lambda F: replace(F, tilts=lambda q: of(q, F.tilts(q)))
+
+
+def variances_times(*factors: float) -> Change:
+    """Multiply each lobe's variance by a factor; the last holds for the lobes that follow."""
+    return lambda F: replace(
+        F, variances=lambda q: [v * factors[min(p, len(factors) - 1)] for p, v in enumerate(F.variances(q))]
+    )
+
+
+def scale_times(by: float) -> Change:
+    """Multiply D's scale."""
+    return lambda F: replace(F, scale=lambda q: F.scale(q) * by)
+
+
+def path_by(of: Callable[[Any, Array], Array]) -> Change:
+    """Make another path of the rays and the right one."""
+    return lambda F: replace(F, path=lambda ray: of(ray, F.path(ray)))
+
+
+def attenuation_by(lobe: int, of: Callable[[Array, Array, Array], Array]) -> Change:
+    """Make another A_p of one lobe, from (right A_p, F, T)."""
+    return lambda F: replace(
+        F,
+        attenuation=lambda p, f, t, closed: (
+            of(F.attenuation(p, f, t, closed), f, t) if p == lobe else F.attenuation(p, f, t, closed)
+        ),
+    )
+
+
+def log_i0_above_12(above: Callable[[Array], Array]) -> Change:
+    """Give log I0 by an expansion past x = 12, where hosts switch to one; `above` is what it has after x - ½ log(2 pi x)."""
+
+    def change(F: Formulas) -> Formulas:
+        def log_i0(x: Array) -> Array:
+            y = np.maximum(x, 12)
+            return np.where(x > 12, y - 0.5 * np.log(2 * np.pi * y) + above(y), F.log_i0(x))
+
+        return replace(F, log_i0=log_i0)
+
+    return change
+
+
+def i0_series(terms: int) -> Change:
+    """Give I0 by the first terms of its series up to x = 12."""
+
+    def change(F: Formulas) -> Formulas:
+        def log_i0(x: Array) -> Array:
+            y = np.minimum(x, 12)
+            cut = sum((y * y / 4) ** i / special.factorial(i) ** 2 for i in range(terms))
+            return np.where(x <= 12, np.log(cut), F.log_i0(x))
+
+        return replace(F, log_i0=log_i0)
+
+    return change
+
+
+def cosine_i(q: Any) -> Array:
+    """Return cos theta_i."""
+    return np.asarray(np.cos(q.theta_i))
+
+
+def theta_d(q: Any) -> Array:
+    """Return theta_d."""
+    return np.asarray((q.theta_r - q.theta_i) / 2)
+
+
+def fresnel_at(of: Callable[[Any, Any], Array]) -> Change:
+    """Take Fresnel's term at another cosine, of the inputs and the rays."""
+    return having(fresnel_cosine=of)
+
+
+def half_vector_cosine(q: Any, ray: Any) -> Array:
+    """Return the cosine between the viewer and the half vector: ½ the angle between the two directions."""
+    toward = np.sin(q.theta_i) * np.sin(q.theta_r) + np.cos(q.theta_i) * np.cos(q.theta_r) * np.cos(q.phi)
+    return np.asarray(np.sqrt(np.clip((1 + toward) / 2, 0, 1)))
+
+
+def schlick(cosine: Array, eta: Array) -> Array:
+    """Return Schlick's approximation of Fresnel's term."""
+    r = ((1 - eta) / (1 + eta)) ** 2
+    return np.asarray(r + (1 - r) * (1 - cosine) ** 5)
+
+
+def one_polarisation(cosine: Array, eta: Array) -> Array:
+    """Return Fresnel's term of s-polarised light."""
+    inner = np.sqrt(eta**2 - 1 + cosine**2)
+    return np.asarray(((cosine - inner) / (cosine + inner)) ** 2)
+
+
+def from_inside(cosine: Array, eta: Array) -> Array:
+    """Return Fresnel's term for light that comes from inside."""
+    inner = np.sqrt(np.maximum(1 / eta**2 - 1 + cosine**2, 0))
+    s, p = (cosine - inner) / (cosine + inner), (cosine - eta**2 * inner) / (cosine + eta**2 * inner)
+    return np.asarray((s**2 + p**2) / 2)
+
+
+def bravais_fresnel(F: Formulas) -> Formulas:
+    """Take Fresnel's s part with eta', the p part with eta'' = eta² / eta', at cos gamma_i."""
+
+    def fresnel(cosine: Array, eta: Array) -> Array:
+        sine2 = np.sin(fresnel.theta) ** 2  # type: ignore[attr-defined]
+        first = np.sqrt(eta**2 - sine2) / np.cos(fresnel.theta)  # type: ignore[attr-defined]
+        inner = np.sqrt(first**2 - 1 + cosine**2)
+        s = ((cosine - inner) / (cosine + inner)) ** 2
+        second = eta**2 / first
+        inner = np.sqrt(np.maximum(second**2 - 1 + cosine**2, 0))
+        p = (second**2 * cosine - inner) / (second**2 * cosine + inner)
+        return np.asarray((s + p**2) / 2)
+
+    def cosine(q: Any, ray: Any) -> Array:
+        fresnel.theta = ray.theta  # type: ignore[attr-defined]
+        return np.asarray(np.cos(ray.gamma_i))
+
+    return replace(F, fresnel=fresnel, fresnel_cosine=cosine)
+
+
+def swapped_angles(F: Formulas) -> Formulas:
+    """Exchange gamma_i and gamma_t in phi_p."""
+    return replace(F, azimuth=lambda p, ray: 2 * p * ray.gamma_i - 2 * ray.gamma_t + p * np.pi)
+
+
+def normal_of_scale(x: Array, s: Array) -> Array:
+    """Return a normal density of the logistic's deviation."""
+    width = s * np.pi / np.sqrt(3)
+    return np.asarray(np.exp(-0.5 * (x / width) ** 2) / (width * np.sqrt(2 * np.pi)))
+
+
+def untrimmed_logistic(x: Array, s: Array) -> Array:
+    """Return the logistic density over the whole line."""
+    e = np.exp(-np.abs(x) / s)
+    return np.asarray(e / (s * (1 + e) ** 2))
+
+
+def unwrapped_normal(x: Array, s: Array) -> Array:
+    """Return the normal density over the whole line."""
+    return np.asarray(np.exp(-0.5 * (x / s) ** 2) / (s * np.sqrt(2 * np.pi)))

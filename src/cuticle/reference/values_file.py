@@ -1,0 +1,299 @@
+"""Files of values: the cases that `make` writes, someone's values beside them, and the layout of Falcor's 50,000."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cuticle._support import validate
+from cuticle._support.files import read_bytes, read_text, reading
+from cuticle._support.values import Value
+from cuticle.reference.cases import ANGLES, LIMITS, LONGITUDINAL, MODELS, PARAMETERS, SIGMAS, Inputs
+
+Array = NDArray[np.float64]
+FORMAT = "Cuticle reference 1"
+VALUES = ("f_r", "f_g", "f_b", "f", "pdf")
+PREFIX = "ref_"
+LEAST_ROWS = 20
+_FALCOR = 17  # columns of float32
+_SINGLE_DIGITS = 9  # of a decimal number: fewer or as many are those of a float
+
+
+@dataclass(frozen=True, eq=False)
+class Submission(Value):
+    """Someone's values of cases, NaN where there is none.
+
+    Attributes
+    ----------
+    name
+        Where they come from.
+    inputs
+        The cases.
+    f
+        The BCSDF in 1/sr without a cosine, (n, channels).
+    pdf
+        The density in 1/sr, (n,).
+    single
+        Whether the values are those of single precision: at most nine digits each, or floats exactly.
+    rows
+        What each case is called: the number in the file's column `case`, or its row.
+    wrong
+        Values that are no numbers (nan, inf), by row.
+    """
+
+    name: str
+    inputs: Inputs
+    f: Array
+    pdf: Array
+    single: bool
+    rows: NDArray[np.int64]
+    wrong: tuple[str, ...] = ()
+
+
+def header(inputs: Inputs, seed: int, proof: str) -> list[str]:
+    """Return the comment lines of a file of cases."""
+    near = inputs.near
+    lines = [
+        f"{FORMAT}: {inputs.about}; {len(inputs)} cases, seed {seed}",
+        f"model: {inputs.model}",
+        *([f"longitudinal: {inputs.longitudinal}"] if inputs.model == "marschner" else []),
+        "Fill in f_r, f_g, f_b, or one of them, or pdf, and run: cuticle reference check FILE",
+        "f is the BCSDF in 1/sr without a cosine: L_r = ∫ f L_i cos(theta_i) dω_i.",
+        "pdf is per steradian, of a direction toward the light: the luminance (Rec. 709) of f cos(theta_i), normalised.",
+        "theta_i, theta_r, phi: radians. i is toward the light (sampled), r toward the viewer (given);",
+        "theta is measured from the normal plane, positive along the tangent; phi = phi_i - phi_r.",
+        "wi, wo: the same as unit vectors (sin theta, cos theta cos phi, cos theta sin phi); x is the tangent, phi_r = 0.",
+        "sigma_a: per fibre radius. Inputs but wi and wo are exact in single precision.",
+    ]
+    if near:
+        lines.append("h: offset of the viewer's ray, -1 to 1: h = sin(gamma_i), and R leaves at phi = -2 gamma_i.")
+    if inputs.model == "chiang":
+        lines.append("alpha: degrees; R's axis lies at theta_i = -theta_r - 2 alpha (pbrt and Mitsuba have the other sign).")
+    else:
+        lines.append("alpha, beta: degrees of theta_h = (theta_i + theta_r)/2; beta_N: deviation around the fibre, degrees.")
+    return [*lines, f"{PREFIX}…: the reference; …_error: {proof}"]
+
+
+def vectors(inputs: Inputs) -> dict[str, Array]:
+    """Return wi and wo of each case, x along the tangent."""
+    ti, tr, phi = (inputs.columns[k] for k in ANGLES)
+    wi = np.sin(ti), np.cos(ti) * np.cos(phi), np.cos(ti) * np.sin(phi)
+    wo = np.sin(tr), np.cos(tr), np.zeros_like(tr)
+    return {f"{w}_{axis}": x for w, v in (("wi", wi), ("wo", wo)) for axis, x in zip("xyz", v, strict=True)}
+
+
+def text(inputs: Inputs, seed: int, proof: str, values: Sequence[dict[str, tuple[str, str]]]) -> str:
+    """Return the file: `values` holds, for each case, each value by name as (number, error) in decimal text."""
+    out = io.StringIO()
+    for line in header(inputs, seed, proof):
+        out.write(f"# {line}\n")
+    along = vectors(inputs)
+    names = list(values[0])
+    columns = ["case", *inputs.columns, *SIGMAS, *along, *VALUES[:3], *(["pdf"] if "pdf" in names else [])]
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow([*columns, *(PREFIX + n + end for n in names for end in ("", "_error"))])
+    blank = [""] * (4 if "pdf" in names else 3)
+    for i, row in enumerate(values):
+        given = [repr(v) for v in inputs.row(i).values()]
+        directions = [repr(float(v[i])) for v in along.values()]
+        writer.writerow([str(i + 1), *given, *directions, *blank, *(x for n in names for x in row[n])])
+    return out.getvalue()
+
+
+def read(
+    path: str | os.PathLike[str], *, cases: str | os.PathLike[str] | None = None, model: str | None = None
+) -> Submission:
+    """Return the values of a file: a CSV, or Falcor's layout of 17 columns of little-endian float32.
+
+    Parameters
+    ----------
+    path
+        The file. A CSV has a row of names; lines that begin with # are comments, of which `# model: NAME` and
+        `# longitudinal: NAME` are read.
+    cases
+        A file of cases that holds the inputs, by the column `case`, where `path` has only values.
+    model
+        The model, where the file does not say: by default it is told by the names of the columns.
+
+    Raises
+    ------
+    ValueError
+        One line: which row and column, what was found, and what it needs.
+    """
+    with reading(path, "values"):
+        if Path(path).suffix.lower() in (".dat", ".bin"):
+            if cases is not None or model not in (None, "chiang"):
+                raise ValueError(
+                    "Falcor's layout holds its own inputs, of Chiang's near field: leave --cases and --model out"
+                )
+            return _read_falcor(path)
+        table = _Table(path)
+        source = table if cases is None else _Table(cases)
+        return _submission(table, source, model, str(path), joined=cases is not None)
+
+
+class _Table:
+    """The cells of a CSV file as text, and what its comments say."""
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        lines = read_text(path, "values").splitlines()
+        comments = [line for line in lines if line.lstrip().startswith("#")]
+        self.said = dict(re.findall(r"^#\s*(model|longitudinal):\s*(\S+)", "\n".join(comments), re.MULTILINE))
+        kept = [(i + 1, line) for i, line in enumerate(lines) if line.strip() and not line.lstrip().startswith("#")]
+        if len(kept) < 2:
+            raise ValueError(f"{path} holds no rows of values; it needs a row of names and then numbers")
+        parsed = list(csv.reader(line for _, line in kept))
+        self.names = [name.strip() for name in parsed[0]]
+        doubled = next((n for n in self.names if self.names.count(n) > 1), None)
+        if doubled is not None:
+            raise ValueError(f"{path} has two columns named {doubled!r}; keep one")
+        self.path, self.lines = path, [i for i, _ in kept[1:]]
+        for number, row in zip(self.lines, parsed[1:], strict=True):
+            if len(row) != len(self.names):
+                raise ValueError(f"{path}, line {number}: {len(row)} cells for {len(self.names)} columns")
+        self.cells = {name: [row[k].strip() for row in parsed[1:]] for k, name in enumerate(self.names)}
+
+    def numbers(self, name: str, *, blank: bool) -> Array:
+        """Return a column; cells without a number are refused, but blank ones where they are allowed: NaN."""
+        out = np.empty(len(self.lines))
+        for k, cell in enumerate(self.cells[name]):
+            try:
+                out[k] = math.nan if blank and not cell else float(cell)
+            except ValueError:
+                raise ValueError(f"{self.path}, line {self.lines[k]}: {name} must be a number, got {cell!r}") from None
+        return out
+
+
+def _submission(table: _Table, source: _Table, model: str | None, name: str, joined: bool) -> Submission:
+    said = source.said.get("model", model)
+    if model is None and said is None:
+        said = _told_by(source.names)
+    model = validate.choice("model", model or said, MODELS)
+    longitudinal = source.said.get("longitudinal", "gaussian" if model == "dual_scattering" else LONGITUDINAL[0])
+    validate.choice("longitudinal", longitudinal, LONGITUDINAL)
+    inputs = _inputs(source, model, longitudinal)
+    given = [v for v in VALUES if v in table.names and any(table.cells[v])]
+    if not given:
+        raise ValueError(
+            f"{name} holds no values: fill in a column f_r, f_g, f_b, f or pdf; it has {', '.join(table.names[:6])} …"
+        )
+    if "f" in given and inputs.channels == 3:
+        raise ValueError(f"{name} has one column f for three absorptions: name it f_r, f_g or f_b, or give one sigma_a")
+    order = np.arange(len(table.lines))
+    labels = _labels(table)
+    if joined:
+        known = {int(c): i for i, c in enumerate(_labels(source))}
+        missing = next((c for c in labels if int(c) not in known), None)
+        if missing is not None:
+            raise ValueError(f"{name}: case {missing} is not in {source.path}, which has {len(known)} cases")
+        order = np.array([known[int(c)] for c in labels])
+        inputs = inputs.take(order)
+    if len(order) < LEAST_ROWS:
+        raise ValueError(f"{name} has {len(order)} rows; a check needs at least {LEAST_ROWS}")
+    names = ["f"] if inputs.channels == 1 else list(SIGMAS)
+    names = [n.replace("sigma_a", "f") for n in names]
+    f = np.column_stack([table.numbers(n, blank=True) if n in given else np.full(len(order), np.nan) for n in names])
+    pdf = table.numbers("pdf", blank=True) if "pdf" in given else np.full(len(order), np.nan)
+    cells = [table.cells[n] for n in given]
+    wrong = [
+        f"{n} is {cell} in case {label}" for n in given for cell, label in zip(table.cells[n], labels, strict=True)
+        if cell and not math.isfinite(float(cell))
+    ]  # fmt: skip
+    f[~np.isfinite(f)], pdf[~np.isfinite(pdf)] = np.nan, np.nan
+    return Submission(name, inputs, f, pdf, _single(cells), labels, tuple(wrong))
+
+
+def _told_by(names: Sequence[str]) -> str:
+    return "chiang" if "beta_m" in names else "dual_scattering" if "strands" in names else "marschner"
+
+
+def _labels(table: _Table) -> NDArray[np.int64]:
+    if "case" not in table.names:
+        return np.arange(1, len(table.lines) + 1)
+    found = table.numbers("case", blank=False)
+    wrong = np.flatnonzero(~(np.abs(found) < 2**53) | (found != np.rint(found)))
+    if wrong.size:
+        raise ValueError(f"{table.path}, line {table.lines[wrong[0]]}: case must be a whole number, got {found[wrong[0]]:g}")
+    return found.astype(np.int64)
+
+
+def _inputs(table: _Table, model: str, longitudinal: str) -> Inputs:
+    sigmas = SIGMAS if SIGMAS[0] in table.names else ("sigma_a",)
+    needed = [*ANGLES, *PARAMETERS[model], *sigmas]
+    missing = [n for n in needed if n not in table.names]
+    if missing:
+        remedy = "give --cases CASES.csv for a file of values alone" if "case" in table.names else "keep the inputs' columns"
+        raise ValueError(f"{table.path} has no column {missing[0]!r}, an input of {model}: {remedy}")
+    if model == "chiang" and "h" in table.names:
+        needed.insert(3, "h")
+    columns = {n: table.numbers(n, blank=False) for n in needed}
+    for n, x in columns.items():
+        low, high, unit = LIMITS[n]
+        slack = 1e-6 * max(abs(low), abs(high))
+        out = np.flatnonzero(~((x >= low - slack) & (x <= high + slack)))
+        if out.size:
+            unit = f" {unit}" if unit else ""
+            raise ValueError(
+                f"{table.path}, line {table.lines[out[0]]}: {n} must be in [{low:.6g}, {high:.6g}]{unit}, got {x[out[0]]:g}"
+            )
+        columns[n] = np.clip(x, low, high)
+    sigma_a = np.column_stack([columns.pop(n) for n in sigmas])
+    return Inputs(model, longitudinal, columns, sigma_a)
+
+
+def _single(columns: Sequence[Sequence[str]]) -> bool:
+    """Whether all numbers have at most nine digits, or are floats to the last of theirs."""
+    cells = [c for column in columns for c in column if c and math.isfinite(float(c))]
+    digits = (len(re.sub(r"[eE].*|[-+.]", "", c).lstrip("0")) for c in cells)
+    if all(d <= _SINGLE_DIGITS for d in digits):
+        return True
+    x = np.array(cells, float)
+    with np.errstate(over="ignore"):
+        return bool(np.all(x == x.astype(np.float32)))
+
+
+def _read_falcor(path: str | os.PathLike[str]) -> Submission:
+    """Return Chiang's near field in the layout of Falcor's tests: columns one after another.
+
+    beta_m, beta_n, alpha, eta, sigma_a (3), h, wi (3), wo (3), f (3). x is the strand. `wi` is the viewer here, alpha has
+    the other sign, and f holds the cosine: all are converted.
+    """
+    data = read_bytes(path, "values")
+    if not data or len(data) % (4 * _FALCOR):
+        raise ValueError(
+            f"{path} has {len(data):,} bytes; Falcor's layout has {_FALCOR} columns of float32, one after another"
+        )
+    c = np.frombuffer(data, "<f4").reshape(_FALCOR, -1).astype(np.float64)
+    if not np.isfinite(c).all() or c.shape[1] < LEAST_ROWS:
+        raise ValueError(
+            f"{path} holds {c.shape[1]} rows, {int((~np.isfinite(c)).sum())} values no numbers; it needs {LEAST_ROWS}"
+        )
+    m, n, alpha, eta, r, g, b, h = c[:8]
+    for label, x in (("beta_m", m), ("beta_n", n), ("eta", eta), ("h", h)):
+        low, high, _ = LIMITS[label]
+        if x.min() < low - 1e-6 or x.max() > high + 1e-6:
+            raise ValueError(
+                f"{path}: {label} must be in [{low:g}, {high:g}], got {x.min():g} to {x.max():g}; is it Falcor's layout?"
+            )
+    (rx, ry, rz), (ix, iy, iz) = c[8:11], c[11:14]
+    theta_r, theta_i = np.arctan2(rx, np.hypot(ry, rz)), np.arctan2(ix, np.hypot(iy, iz))
+    phi = np.arctan2(iz, iy) - np.arctan2(rz, ry)
+    columns = {
+        "theta_i": theta_i, "theta_r": theta_r, "phi": phi, "h": np.clip(h, -1, 1), "beta_m": m, "beta_n": n,
+        "alpha": -alpha, "eta": eta,
+    }  # fmt: skip
+    f = (c[14:] / np.cos(theta_i)).T
+    count = c.shape[1]
+    return Submission(
+        str(path), Inputs("chiang", "", columns, np.stack([r, g, b], axis=1)), f, np.full(count, np.nan), True,
+        np.arange(1, count + 1),
+    )  # fmt: skip

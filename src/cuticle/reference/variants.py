@@ -1,0 +1,184 @@
+"""Formulas with other exponents, multiples or coefficients than the right ones: what a slip of the pen makes of them.
+
+The table of slips names what is known to go wrong. These are tried where it does not explain the values, each alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cuticle.reference.formulas import Formulas
+
+Array = NDArray[np.float64]
+Variant = tuple[str, Formulas]
+ROOT, SCALE = (0.726, 0.812, 3.7), (0.265, 1.194, 5.372)  # of v's root and of s, Chiang 2016
+
+
+def variants(F: Formulas) -> Iterator[Variant]:
+    """Return every variant, with what it is in words."""
+    if F.back is not None:
+        return
+    yield from _attenuations(F)
+    yield from _azimuths(F)
+    yield from _paths(F)
+    yield from _fresnel_cosines(F)
+    yield from _inclinations(F)
+    if F.kind == "chiang":
+        yield from _coefficients(F)
+
+
+def _attenuations(F: Formulas) -> Iterator[Variant]:
+    """A_p = (1 - F)^a F^b T^c of one lobe, and the rest times powers of them."""
+    for p, right in enumerate(((0, 1, 0), (2, 0, 1), (2, 1, 2))):
+        for n in product(range(3), range(3), range(4)):
+            if n != right:
+                words = f"A_{F.lobes[p]} = {_product(n)} for {_product(right)}"
+                yield words, replace(F, attenuation=_other(F, p, n, right))
+    for n in product((-2, -1, 0, 1), (-2, -1, 0, 1), (-2, -1, 0, 1)) if len(F.lobes) == 4 else ():
+        if n != (0, 0, 0):
+            yield f"A_rest × {_product(n)}", replace(F, attenuation=_other(F, 3, n, (0, 0, 0)))
+
+
+def _other(F: Formulas, lobe: int, n: tuple[int, ...], right: tuple[int, ...]) -> Any:
+    def attenuation(p: int, f: Array, t: Array, closed: bool) -> Array:
+        value = F.attenuation(p, f, t, closed)
+        a, b, c = (x - y for x, y in zip(n, right, strict=True))
+        return np.asarray(value * (1 - f) ** float(a) * f ** float(b) * t ** float(c)) if p == lobe else value
+
+    return attenuation
+
+
+def _product(n: tuple[int, ...]) -> str:
+    words = [name + (f"^{k}" if k != 1 else "") for name, k in zip(("(1 - F)", "F", "T"), n, strict=True) if k]
+    return " ".join(words) or "1"
+
+
+def _azimuths(F: Formulas) -> Iterator[Variant]:
+    """phi_p = a gamma_t + b gamma_i + c pi of one lobe."""
+    for p in range(3):
+        multiples = sorted({0, p, -p, 2 * p, -2 * p, 4 * p})
+        for a, b, c in product(multiples, (-2, -1, 0, 1, 2), (0, 1)):
+            if (a, b, c) == (2 * p, -2, p % 2):
+                continue
+
+            def azimuth(lobe: int, ray: Any, p: int = p, n: Any = (a, b, c)) -> Array:
+                other = n[0] * ray.gamma_t + n[1] * ray.gamma_i + n[2] * np.pi
+                return np.asarray(other) if lobe == p else F.azimuth(lobe, ray)
+
+            turned = " + π" if c else ""
+            yield f"φ of {F.lobes[p]} = {a} γ_t {b:+d} γ_i{turned} (mod 2π)", replace(F, azimuth=azimuth)
+
+
+def _paths(F: Formulas) -> Iterator[Variant]:
+    """K cos^a gamma_t cos^b gamma_i cos^c theta_t cos^d theta, and cos theta_t from another sine."""
+    for k, a, b, c, d in product((0.5, 1, 2), (0, 1, 2), (0, 1), (-2, -1, 0, 1), (-1, 0, 1)):
+        if (k, a, b, c, d) == (1, 1, 0, -1, 0):
+            continue
+
+        def path(ray: Any, k: float = k, n: Any = (a, b, c, d)) -> Array:
+            cosines = np.cos(ray.gamma_t), np.cos(ray.gamma_i), ray.cos_theta_t, np.cos(ray.theta)
+            return np.asarray(
+                2 * k * np.prod([x ** float(m) + 0 * ray.gamma_i for x, m in zip(cosines, n, strict=True)], axis=0)
+            )
+
+        names = zip(("cos γ_t", "cos γ_i", "cos θ_t", "cos θ"), (a, b, c, d), strict=True)
+        words = " ".join(f"{name}^{m}" if m != 1 else name for name, m in names if m)
+        yield f"the path is {2 * k:g} {words} for 2 cos γ_t cos θ_t^-1", replace(F, path=path)
+    others = {
+        "cos θ_t = √(1 - cos²θ/η²)": lambda r: np.sqrt(1 - (np.cos(r.theta) / r.eta) ** 2),
+        "cos θ_t = √(1 - sin²θ)/η": lambda r: np.cos(r.theta) / r.eta,
+        "cos θ_t = √(1 - η² sin²θ)": lambda r: np.sqrt(np.maximum(1 - (np.sin(r.theta) * r.eta) ** 2, 1e-4)),
+        "cos θ_t = √(1 - sin²θ/η)": lambda r: np.sqrt(1 - np.sin(r.theta) ** 2 / r.eta),
+        "cos θ_t = √(1 - |sin θ|/η)": lambda r: np.sqrt(1 - np.abs(np.sin(r.theta)) / r.eta),
+        "sin θ_t = sin θ/η′": lambda r: np.sqrt(1 - np.minimum(np.sin(r.theta) / r.eta_prime, 0.999) ** 2),
+        "θ_t of θ_i": lambda r: np.sqrt(1 - (np.sin(r.q.theta_i) / r.eta) ** 2),
+        "θ_t of θ_d": lambda r: np.sqrt(1 - (np.sin((r.q.theta_r - r.q.theta_i) / 2) / r.eta) ** 2),
+    }
+    for words, cosine in others.items():
+        yield f"in the path, {words}", replace(F, path=_path_of(F, cosine))
+
+
+def _path_of(F: Formulas, cosine: Any) -> Any:
+    return lambda ray: F.path(ray) * ray.cos_theta_t / cosine(ray)
+
+
+def _fresnel_cosines(F: Formulas) -> Iterator[Variant]:
+    for n in product(range(3), range(3), range(3)):
+        if n == (1, 1, 0):
+            continue
+
+        def cosine(q: Any, ray: Any, n: Any = n) -> Array:
+            factors = np.cos(ray.theta), np.cos(ray.gamma_i), np.cos(ray.gamma_t)
+            return np.asarray(np.prod([x ** float(m) + 0 * ray.gamma_i for x, m in zip(factors, n, strict=True)], axis=0))
+
+        names = zip(("cos θ", "cos γ_i", "cos γ_t"), n, strict=True)
+        words = " ".join(f"{name}^{m}" if m != 1 else name for name, m in names if m) or "1"
+        yield f"F at {words} for cos θ cos γ_i", replace(F, fresnel_cosine=cosine)
+    others: dict[str, Any] = {"θ_h": lambda q: (q.theta_i + q.theta_r) / 2, "θ_i": lambda q: q.theta_i}
+    for words, other in others.items():
+        yield (
+            f"F at cos {words} cos γ_i for cos θ cos γ_i",
+            replace(F, fresnel_cosine=_cosine_at(other)),
+        )
+
+
+def _cosine_at(inclination: Any) -> Any:
+    return lambda q, ray: np.cos(inclination(q)) * np.cos(ray.gamma_i)
+
+
+def _inclinations(F: Formulas) -> Iterator[Variant]:
+    """η′ of another inclination or form, and the whole optics at θ_h or the tilted θ_r."""
+    forms = {
+        "√(η² + sin²θ)/cos θ": lambda t, e: np.sqrt(e**2 + np.sin(t) ** 2) / np.cos(t),
+        "√(η² - sin²θ) cos θ": lambda t, e: np.sqrt(e**2 - np.sin(t) ** 2) * np.cos(t),
+        "(η² - sin²θ)/cos θ": lambda t, e: (e**2 - np.sin(t) ** 2) / np.cos(t),
+        "√(η - sin²θ)/cos θ": lambda t, e: np.sqrt(np.maximum(e - np.sin(t) ** 2, 1e-4)) / np.cos(t),
+        "√(η² - sin²θ)/cos²θ": lambda t, e: np.sqrt(e**2 - np.sin(t) ** 2) / np.cos(t) ** 2,
+        "√(η² - sin²θ)/√cos θ": lambda t, e: np.sqrt(e**2 - np.sin(t) ** 2) / np.sqrt(np.cos(t)),
+        "√(η² - sin²θ)/sin θ": lambda t, e: np.sqrt(e**2 - np.sin(t) ** 2) / np.maximum(np.abs(np.sin(t)), 1e-4),
+        "√(η² - 1)/cos θ": lambda t, e: np.sqrt(e**2 - 1) / np.cos(t),
+        "η/cos θ": lambda t, e: e / np.cos(t),
+        "η cos θ": lambda t, e: e * np.cos(t),
+        "1/η": lambda t, e: 1 / e + 0 * t,
+        "cos θ/√(η² - sin²θ)": lambda t, e: np.cos(t) / np.sqrt(e**2 - np.sin(t) ** 2),
+    }
+    for words, form in forms.items():
+        yield f"η′ = {words}", replace(F, bravais=form)
+    yield "the optics at θ_h", replace(F, inclination=lambda q: (q.theta_i + q.theta_r) / 2)
+    yield "the optics at the tilted θ_r of R", replace(F, inclination=lambda q: q.theta_r - F.tilts(q)[0])
+
+
+def _coefficients(F: Formulas) -> Iterator[Variant]:
+    """Chiang's polynomials of roughness with other exponents, or without a term."""
+    m, n = ROOT, SCALE
+    powers = [(1, 2, k) for k in (10, 12, 18, 19, 21, 22, 24)] + [(1, 3, 20), (1, 1, 20), (2, 2, 20), (0, 2, 20)]
+    for given in powers:
+        yield f"v = (.726 β^{given[0]} + .812 β^{given[1]} + 3.7 β^{given[2]})²", replace(F, variances=_variances(m, given))
+    powers = [(1, 2, k) for k in (10, 12, 18, 20, 21, 23, 24)] + [(1, 3, 22), (1, 1, 22), (2, 2, 22), (0, 2, 22)]
+    for given in powers:
+        words = f"s = √(π/8) (.265 β^{given[0]} + 1.194 β^{given[1]} + 5.372 β^{given[2]})"
+        yield words, replace(F, scale=_scale(n, given))
+    for k in range(3):
+        cut = tuple(0.0 if j == k else c for j, c in enumerate(m))
+        yield f"v without its term {k + 1}", replace(F, variances=_variances(cut, (1, 2, 20)))
+        cut = tuple(0.0 if j == k else c for j, c in enumerate(n))
+        yield f"s without its term {k + 1}", replace(F, scale=_scale(cut, (1, 2, 22)))
+
+
+def polynomial(coefficients: tuple[float, ...], powers: tuple[int, ...], x: Array) -> Array:
+    """Return Σ c x^n."""
+    return np.asarray(sum(c * x**n for c, n in zip(coefficients, powers, strict=True)))
+
+
+def _variances(c: tuple[float, ...], powers: tuple[int, ...]) -> Any:
+    return lambda q: [polynomial(c, powers, q.beta_m) ** 2 * k for k in (1, 0.25, 4, 4)]
+
+
+def _scale(c: tuple[float, ...], powers: tuple[int, ...]) -> Any:
+    return lambda q: np.sqrt(np.pi / 8) * polynomial(c, powers, q.beta_n)

@@ -1,0 +1,71 @@
+"""The reference: two derivations agree, each planted slip is named, right values are clean, bad files get one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import cuticle
+from command import refused, run
+from cuticle.reference import Submission, check
+from cuticle.reference.cases import ANGLES, Inputs, draw
+from cuticle.reference.models import evaluate, formulas_of
+from cuticle.reference.search import applicable
+
+pytest.importorskip("flint", reason="python-flint is not installed: pip install 'cuticle[reference]'")
+NEAR = draw("chiang", 600, 1, near=True, longitudinal="")
+# Below the tolerance of single precision on any case.
+SMALL = ("log-i0-first-order", "ln2-4-digits")
+
+
+def values(inputs: Inputs, f: np.ndarray, *, single: bool = True) -> Submission:
+    if single:
+        f = f.astype(np.float32).astype(float)
+    return Submission("values", inputs, f, np.full(len(inputs), np.nan), single, np.arange(1, len(inputs) + 1))
+
+
+def ours(inputs: Inputs) -> np.ndarray:
+    """The core's near field."""
+    names = ("beta_m", "beta_n", "alpha", "eta")
+    found = []
+    for i in range(len(inputs)):
+        r = inputs.row(i)
+        model = cuticle.Chiang(**{k: r[k] for k in names}, sigma_a=tuple(inputs.sigma_a[i]))
+        found.append(model.near(r["h"]).eval(*(r[k] for k in ANGLES)))
+    return np.array(found)
+
+
+@pytest.mark.parametrize("single", [True, False])
+def test_the_core_is_found_right(single: bool) -> None:
+    some = NEAR.take(slice(0, 240))
+    assert check(values(some, ours(some), single=single)).ok
+
+
+F = formulas_of(NEAR)
+PLANTED = [s for s in applicable(F, SimpleNamespace(name="f"), True) if s.name not in SMALL]  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("slip", PLANTED, ids=lambda s: s.name)
+def test_a_planted_slip_is_named(slip: Any) -> None:
+    found = check(values(NEAR, evaluate(slip.change(F), NEAR).f))
+    assert not found.ok
+    assert found.slips == (slip.name,)
+
+
+def test_falcors_values_have_the_halved_term(data: Path) -> None:
+    found = check(data / "reference" / "pbrt_hair_bsdf.dat")
+    assert not found.ok
+    assert found.slips == ("log-i0-16x", "i0-10-terms")
+
+
+def test_cases_are_written_and_checked(tmp_path: Path) -> None:
+    made = run("reference", "chiang", "--cases", "24", "-o", "cases.csv", cwd=tmp_path)
+    assert made.returncode == 0, made.stderr
+    refused("reference", "check", "cases.csv", words="fill in a column f_r", cwd=tmp_path)
+    text = (tmp_path / "cases.csv").read_text()
+    (tmp_path / "cut.csv").write_text(text[: int(len(text) * 0.7)])
+    refused("reference", "check", "cut.csv", words="cells for", cwd=tmp_path)
