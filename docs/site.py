@@ -30,6 +30,7 @@ MODULES = {
         "grooms.groom.Groom", "grooms.groom.read_groom", "grooms.groom.join_grooms", "grooms.procedural.hair_ball",
         "grooms.procedural.wavy_lock", "grooms.procedural.hair_head", "grooms.variation.vary",
     ),
+    "Reference values": ("reference.making.make", "reference.comparison.check"),
     "Rendering": (
         "render.scene.load_scene", "render.scene.View", "render.scene.Light", "render.scene.bsdf",
         "render.scene.integrator", "render.picture.render", "render.picture.save_picture",
