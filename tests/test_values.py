@@ -61,6 +61,9 @@ MAKE: dict[str, Callable[[], Any]] = {
     "Chiang": lambda: cuticle.Chiang(eumelanin=1.3),
     "ChiangNear": lambda: cuticle.Chiang(eumelanin=1.3).near([0.3]),
     "Family": lambda: cuticle.family("marschner").sampler_at(FIBRE),  # which holds it, and is called without a fibre
+    "FamilyAmong": lambda: cuticle.family("dual_scattering", cuticle.Chiang(eumelanin=1.3)).sampler_at(
+        eumelanin=1, strands=2
+    ),
     "Fibres": lambda: cuticle.family("chiang").fibres(beta_m=[0.2, 0.3], eumelanin=1.3),
     "Strands": lambda: cuticle.Strands(used("Tabulated"), 2),
     "Tabulated": _tabulated,
