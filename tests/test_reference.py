@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -11,7 +12,7 @@ import pytest
 
 import cuticle
 from command import refused, run
-from cuticle.reference import Submission, check
+from cuticle.reference import Submission, check, make
 from cuticle.reference.cases import ANGLES, Inputs, draw
 from cuticle.reference.models import evaluate, formulas_of
 from cuticle.reference.search import applicable
@@ -60,6 +61,18 @@ def test_falcors_values_have_the_halved_term(data: Path) -> None:
     found = check(data / "reference" / "pbrt_hair_bsdf.dat")
     assert not found.ok
     assert found.slips == ("log-i0-16x", "i0-10-terms")
+
+
+def test_check_works_without_the_balls_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "flint", None)
+    some = NEAR.take(slice(0, 60))
+    found = check(values(some, evaluate(F, some).f))
+    assert found.ok
+    assert any("python-flint is not installed" in note for note in found.notes)
+    with pytest.raises(
+        ImportError, match=r"the reference needs flint, which is not installed: pip install 'cuticle\[reference\]'"
+    ):
+        make("chiang", 8)
 
 
 def test_cases_are_written_and_checked(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cuticle._support import validate
+from cuticle._support.extras import MissingExtraError
 from cuticle._support.progress import Progress, expect
 from cuticle.reference.balls import working_precision
 from cuticle.reference.cases import REGIONS, Inputs
@@ -130,7 +131,7 @@ def _certified(F: Formulas, inputs: Inputs, given: Submission, right: Evaluated)
                 seen = exact > 1e-280
                 worst = max([worst, *np.abs(f[i][seen] / exact[seen] - 1)])
                 f[i] = exact
-    except RuntimeError:
+    except MissingExtraError:
         return ["python-flint is not installed: double precision is not compared with proven values"], right
     if worst > _AGREE:
         raise ArithmeticError(
