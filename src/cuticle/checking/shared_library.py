@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cuticle.checking.audit import Audit, audit
-from cuticle.scattering.frames import DEFAULT_FRAME, Frame, frame
+from cuticle.scattering import frames
+from cuticle.scattering.frames import DEFAULT_FRAME
 
 Array = NDArray[np.float64]
 PREFIX = "cuticle_audit_"
@@ -70,7 +71,7 @@ class LibrarySampler:
     """The functions of a library as `cuticle.audit` takes them: angles in radians, arrays in double precision."""
 
     def __init__(self, library: str | os.PathLike[str] | ctypes.CDLL, *, frame: str, prefix: str = PREFIX) -> None:
-        self._frame, self._prefix = _frame(frame), prefix
+        self._frame, self._prefix = frames.frame(frame), prefix
         loaded = library if isinstance(library, ctypes.CDLL) else _load(Path(library))
         self.name = Path(loaded._name).name
         self._sample = _function(loaded, f"{prefix}sample", 4)
@@ -142,10 +143,6 @@ class _Out:
 
 def _pointer(values: Array) -> Any:
     return values.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
-
-
-def _frame(name: str) -> Frame:
-    return frame(name)
 
 
 def _load(path: Path) -> ctypes.CDLL:

@@ -103,7 +103,8 @@ def command(
         if folder:
             make_directory(output.parent)
         write_output(output, made.text)
-        tell.print(f"wrote {output}: {len(made.text):,} characters, for any fibre", soft_wrap=True)
+        tables = f", tables of {made.table_bytes:,} bytes" if family == "dual_scattering" else ""
+        tell.print(f"wrote {output}: {len(made.text):,} characters{tables}, for any fibre", soft_wrap=True)
         tell.print(_lines_beside(made, name, output), end="", soft_wrap=True, markup=False, highlight=False)
         return
     assert sampler is not None

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cuticle._support import validate
-from cuticle._support.interpolation import Monotone
+from cuticle._support.interpolation import monotone
 from cuticle._support.values import Value
 from cuticle.scattering.bcsdf import Bcsdf, Plotted, check_model, is_even
 from cuticle.scattering.registry import classes, first_class
@@ -181,7 +181,7 @@ class _Energies:
             f, phi = np.concatenate([f[:, :, -1:], f], axis=2)[:, :, :-1], np.concatenate([[-np.pi], phi[:-1]])
         self._viewers = viewers
         self._shape = Tabulated(viewers, d.theta, phi, f, even=None if d.even else False)
-        self._log_energy = Monotone(viewers, np.log(energy))
+        self._log_energy = monotone(viewers, np.log(energy))
 
     def __call__(self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike) -> Array:
         """Return f in 1/sr."""

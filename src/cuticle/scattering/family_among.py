@@ -124,7 +124,7 @@ class FamilyAmong(Family):
         end = np.finfo(dtype).max if behind is None else validate.strands_of_light("behind", behind)
         core = self._core_double if dtype == np.float64 else self._core_float
         arrays = {"strands": strands, "behind": np.asarray(end, dtype)}
-        return Around(core.eval, core.sample, arrays, (bool(values.get("random", False)),)), rest
+        return Around(core.eval, core.sample, arrays, (validate.flag("random", values.get("random", False)),)), rest
 
 
 def family(form: str, among: Fibre | Chiang | None = None, *, d_f: float | None = None, d_b: float | None = None) -> Family:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cuticle._support import validate
 from cuticle._support.files import read_bytes, reading
-from cuticle._support.interpolation import Monotone
+from cuticle._support.interpolation import monotone
 from cuticle._support.values import Value
 from cuticle.scattering.bcsdf import Plotted, luminance
 from cuticle.scattering.holes import farthest, fill_holes
@@ -300,7 +300,7 @@ class Tabulated(Value, Plotted):
         parts = [np.linspace(a, b, max(8, math.ceil((b - a) / _STEP)), endpoint=False) for a, b in pairwise(known)]
         viewers = np.append(np.concatenate(parts), known[-1])
         scale = np.ones((len(viewers), self.channels))
-        wanted = own[:1] if len(own) == 1 else Monotone(self.theta_r, own)(viewers.clip(*self.theta_r[[0, -1]]))
+        wanted = own[:1] if len(own) == 1 else monotone(self.theta_r, own)(viewers.clip(*self.theta_r[[0, -1]]))
         wanted = np.broadcast_to(wanted, scale.shape)
         for k, (viewer, row, t) in enumerate(zip(viewers, *_locate(self.theta_r, viewers), strict=True)):
             sheets = [(row, 1 - t), (min(row + 1, len(own) - 1), t)]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cuticle import _core
-from cuticle._support.interpolation import Monotone
+from cuticle._support.interpolation import monotone
 from cuticle.scattering.azimuthal import azimuthal_tables
 from cuticle.scattering.chiang import Chiang
 from cuticle.scattering.fibre import Fibre
@@ -90,7 +90,7 @@ def _between(solved: Array, values: Array, absorption: Array) -> Array:
     positive = solved > 0
     if positive.sum() < 2:
         return values[..., np.searchsorted(solved, absorption)]
-    over_logs = Monotone(np.log(solved[positive]), values[..., positive], axis=-1)
+    over_logs = monotone(np.log(solved[positive]), values[..., positive], axis=-1)
     out = over_logs(np.log(np.maximum(absorption, solved[positive][0])))
     out[..., absorption <= 0] = values[..., :1]
     return out
@@ -127,11 +127,15 @@ def transmittance_table(transports: Sequence[StrandTransport]) -> Array:
     sheets = 2 ** np.arange(PASSED + 1)
     numbers, slots = np.arange(1, sheets[-1] + 1), sheets[:5]
     # Light falls as 1/(1 + c n) or as a power: nearly straight in ln n either way, between numbers so close.
-    each = np.exp(Monotone(np.log(sheets), passed, axis=1)(np.log(numbers)))
-    factorials = np.cumsum(np.log(numbers))
-    shares = np.array([np.exp(numbers * np.log(n) - n - factorials) for n in (1e-6, *slots)])  # Poisson's
+    each = np.exp(monotone(np.log(sheets), passed, axis=1)(np.log(numbers)))
+    shares = np.array([poisson_shares(numbers, n) for n in (1e-6, *slots)])
     random = np.einsum("sn,cnr->csr", shares / shares.sum(axis=1, keepdims=True), each)
     return np.moveaxis(np.array([passed[:, [0, *range(len(slots))]], _log(random)]), 1, -1)
+
+
+def poisson_shares(numbers: NDArray[np.int_], mean: float) -> Array:
+    """Return the probabilities of 1, 2, 3, … of a Poisson number: SciPy's statistics take a second to import."""
+    return np.exp(numbers * math.log(mean) - mean - np.cumsum(np.log(numbers)))
 
 
 def _log(moments: Array) -> Array:
