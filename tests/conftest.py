@@ -33,7 +33,7 @@ SLOW_EXAMPLES = ("cuticle.draft.document.document",)  # of docstrings: test_docu
 # Files whose tests one process runs, for it keeps what they fit and tabulate: the presets' lobes; light through the presets;
 # the draft's document and brown hair's sampler.
 TOGETHER = (
-    ("test_mitsuba.py", "test_mitsuba_functions.py"),
+    ("test_mitsuba.py", "test_mitsuba_functions.py", "test_mitsuba_updates.py"),
     ("test_dual_scattering_integrator.py", "test_render.py"),
     ("test_document.py", "test_document_figures.py", "test_report.py", "test_examples.py", "test_web.py"),
 )

@@ -3,115 +3,28 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
 
 import cuticle
 from conftest import COUNTS
-from cuticle.grooms.groom import Groom
-from cuticle.scattering.marschner import LONGITUDINAL_OF
+from mitsuba_answers import (
+    FIBRES,
+    HALF_SPACE,
+    NEAR,
+    VARIANTS,
+    UseVariant,
+    alone,
+    ask,
+    random_directions,
+    relative,
+)
 
 if importlib.util.find_spec("mitsuba") is None:
     pytest.skip("Mitsuba is not installed: pip install 'cuticle[mitsuba]'", allow_module_level=True)
-
-UseVariant = Callable[[str], Any]
-# One with each formulation; the others say the same of other numbers.
-FIBRES = ("blond", "document", *(pytest.param(name, marks=pytest.mark.slow) for name in ("brown", "black", "marschner")))
-VARIANTS = {
-    "scalar_rgb": 500,
-    "llvm_ad_rgb": 100_000,
-    "cuda_ad_rgb": 100_000,
-}  # and how many inputs: scalar ones go one by one
-AMONG_STRANDS, EXPECTED = 1 << 31, 1 << 29  # plugins/mitsuba/strands.h
-HALF_SPACE = float(np.finfo(np.float32).max)
-
-
-def alone(fibre: cuticle.Fibre) -> cuticle.Marschner:
-    return cuticle.Marschner(fibre, LONGITUDINAL_OF[fibre.formulation])
-
-
-class Directions(NamedTuple):
-    theta: np.ndarray
-    phi: np.ndarray
-    vector: np.ndarray  # in a curve's shading frame, single precision
-
-
-def directions(vector: np.ndarray) -> Directions:
-    w = vector.astype(np.float32)
-    x, y, z = w.astype(float).T
-    return Directions(np.arctan2(y, np.hypot(x, z)), np.arctan2(z, x), w)
-
-
-def random_directions(rng: np.random.Generator, n: int) -> Directions:
-    theta, phi = rng.uniform(-1.55, 1.55, n), rng.uniform(-np.pi, np.pi, n)
-    return directions(np.stack([np.cos(theta) * np.cos(phi), np.sin(theta), np.cos(theta) * np.sin(phi)], axis=-1))
-
-
-class Answers(NamedTuple):
-    f: np.ndarray  # f cos theta_i
-    pdf: np.ndarray
-    wo: Directions
-    sample_pdf: np.ndarray
-    weight: np.ndarray
-
-
-def ask(
-    mi: Any,
-    bsdf: Any,
-    r: Directions,
-    i: Directions,
-    u: np.ndarray,
-    strands: np.ndarray | None = None,
-    behind: float | None = None,
-) -> Answers:
-    """What a BSDF says to viewers r, lights i and random numbers u.
-
-    Among strands where their number is given: counted or, with so many `behind`, expected.
-    """
-    context = mi.BSDFContext()
-    if strands is not None:
-        bsdf.parameters_changed(["strand_tables"])
-        context.type_mask |= AMONG_STRANDS | (0 if behind is None else EXPECTED)
-
-    def once(r_: np.ndarray, i_: np.ndarray, u_: np.ndarray, n_: Any) -> tuple[Any, ...]:
-        import drjit as dr
-
-        si = dr.zeros(mi.SurfaceInteraction3f, u_.shape[1] if u_.ndim > 1 else 1)
-        si.wi = mi.Vector3f(*r_)
-        if mi.is_spectral:
-            si.wavelengths = type(si.wavelengths)(440, 550, 570, 620)
-        if strands is not None:
-            # Counted (or drawn), expected, and behind.
-            si.duv_dx = mi.Vector2f(n_, 0) if behind is None else mi.Vector2f(-1, n_)
-            si.duv_dy = mi.Vector2f(HALF_SPACE if behind is None else behind, 0)
-        wo = mi.Vector3f(*i_)
-        f, pdf = bsdf.eval_pdf(context, si, wo)
-        sample, weight = bsdf.sample(context, si, mi.Float(u_[0]), mi.Point2f(u_[1], u_[2]))
-        alone, own = bsdf.eval(context, si, wo), bsdf.pdf(context, si, wo)
-        dr.eval(f, pdf, sample, weight, alone, own)  # one kernel: compiling is most of the time
-        assert np.allclose(np.array(alone), np.array(f), rtol=1e-6, atol=0)
-        assert np.allclose(np.array(own), np.array(pdf), rtol=1e-6, atol=0)
-        return tuple(np.array(x) for x in (f, pdf, sample.wo, sample.pdf, weight))
-
-    n = np.zeros(len(u), np.float32) if strands is None else strands.astype(np.float32)
-    if "scalar" in mi.variant():
-        rows = [
-            once(*(list(map(float, v)) for v in (a, b)), np.array([float(x) for x in c]), float(k))
-            for a, b, c, k in zip(r.vector, i.vector, u, n, strict=True)
-        ]
-        f, pdf, wo, sample_pdf, weight = (np.array(x) for x in zip(*rows, strict=True))
-    else:
-        f, pdf, wo, sample_pdf, weight = once(r.vector.T, i.vector.T, u.T, n)
-        f, wo, weight = f.T, wo.T, weight.T
-    return Answers(f, np.ravel(pdf), directions(wo), np.ravel(sample_pdf), weight)
-
-
-def relative(a: np.ndarray, b: np.ndarray) -> float:
-    return float((np.abs(a - b) / np.maximum(np.abs(b), 1e-10)).max())
 
 
 @pytest.mark.parametrize("fibre", FIBRES)
@@ -168,177 +81,6 @@ def test_among_strands_says_what_python_says(variant: str, fibre: str, use_varia
         assert relative(mean, np.broadcast_to(f, mean.shape)) <= 3e-4  # differences of exponentials
         # The direction is drawn, and its density told, without knowing n.
         assert relative(said.pdf, material.combined.pdf(i.theta, r.theta, i.phi - r.phi)) <= 1e-4
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("variant", ["scalar_rgb", "scalar_spectral", "llvm_ad_rgb", "llvm_ad_spectral", "cuda_ad_spectral"])
-def test_scale_multiplies_the_absorption(variant: str, use_variant: UseVariant) -> None:
-    mi = use_variant(variant)
-    rng = np.random.default_rng(3)
-    count = 500
-    r, i = random_directions(rng, count), random_directions(rng, count)
-    u = rng.random((count, 3), np.float32)
-    for fibre in ("blond", "document"):
-        own = cuticle.Fibre.preset(fibre)
-        for scale in (0.3, 1.0, 2.7):
-            said = ask(mi, mi.load_dict({"type": "cuticle", "fibre": fibre, "scale": scale, "sampling": "uniform"}), r, i, u)
-            model = alone(own.replace(sigma_a=tuple(scale * x for x in own.absorption)))
-            f = model.eval(i.theta, r.theta, i.phi - r.phi) * np.cos(i.theta)[:, None]
-            if "spectral" in variant and fibre != "document":
-                f = f[:, [2, 1, 1, 0]]  # blue, green, green, red: the wavelengths that are asked for
-            # Between two tabulated absorptions N is interpolated as exp(-sigma_a l) with one length l.
-            assert relative(said.f, np.broadcast_to(f, said.f.shape)) <= 0.01
-
-
-def test_a_texture_colours_strand_by_strand(use_variant: UseVariant) -> None:
-    mi = use_variant("scalar_rgb")
-    texture = {"type": "checkerboard", "color0": 0.5, "color1": 2.0, "to_uv": mi.ScalarTransform4f().scale([1, 1, 1])}
-    bsdf = mi.load_dict({"type": "cuticle", "fibre": "blond", "scale": texture})
-    import drjit as dr
-
-    si = dr.zeros(mi.SurfaceInteraction3f)
-    si.wi = mi.Vector3f(0, 0, 1)
-    values = []
-    for uv in ((0.2, 0.2), (0.2, 0.8)):
-        si.uv = mi.Point2f(*uv)
-        values.append(np.array(bsdf.eval(mi.BSDFContext(), si, mi.Vector3f(0, 0.1, -1))))
-    plain = [
-        np.array(
-            mi.load_dict({"type": "cuticle", "fibre": "blond", "scale": s}).eval(
-                mi.BSDFContext(), si, mi.Vector3f(0, 0.1, -1)
-            )
-        )
-        for s in (0.5, 2.0)
-    ]
-    assert sorted(map(tuple, values)) == sorted(map(tuple, plain))
-    assert not np.allclose(*values)
-
-
-def test_a_row_of_a_bitmap_is_a_strand(tmp_path: Path, use_variant: UseVariant) -> None:
-    mi = use_variant("scalar_rgb")
-    points = [[x, y, 0] for x in (0, 1, 2) for y in np.linspace(-1, 1, 5)]
-    groom = Groom(np.array(points, np.float32), np.arange(4) * 5, np.array(0.1, np.float32))
-    groom.save(tmp_path / "g.txt")
-    curves = mi.load_dict({"type": "bsplinecurve", "filename": str(tmp_path / "g.txt")})
-    scene = mi.load_dict({"type": "scene", "curves": curves})
-    rows = np.append(np.repeat([1.0, 2.0, 3.0], groom.counts - 1), 9).astype(np.float32)  # a row a segment, and the guard's
-    bitmap = {"type": "bitmap", "bitmap": mi.Bitmap(rows.reshape(-1, 1, 1)), "raw": True, "filter_type": "nearest"}
-    texture = mi.load_dict(bitmap)
-    for strand in range(3):
-        for y in (-0.8, 0.1, 0.9):
-            si = scene.ray_intersect(mi.Ray3f(mi.Point3f(strand, y, 5), mi.Vector3f(0, 0, -1)))
-            assert si.is_valid()
-            assert texture.eval_1(si) == strand + 1
-
-
-def test_parameters_are_traversed_and_change_what_is_seen(use_variant: UseVariant) -> None:
-    mi = use_variant("scalar_rgb")
-    bsdf = mi.load_dict({"type": "cuticle", "fibre": "blond", "sampling": "uniform"})
-    parameters = mi.traverse(bsdf)
-    assert {"sigma_a.value", "scale.value"} <= set(parameters.keys())
-    rng = np.random.default_rng(4)
-    r, i, u = random_directions(rng, 50), random_directions(rng, 50), rng.random((50, 3), np.float32)
-    before = ask(mi, bsdf, r, i, u).f
-    parameters["sigma_a.value"] = mi.Color3f(0.1, 0.2, 0.3)
-    parameters.update()
-    after = ask(mi, bsdf, r, i, u).f
-    wanted = alone(cuticle.Fibre.preset("blond").replace(sigma_a=(0.1, 0.2, 0.3)))
-    f = wanted.eval(i.theta, r.theta, i.phi - r.phi) * np.cos(i.theta)[:, None]
-    assert relative(after, f) <= 0.01
-    assert relative(before, f) > 0.1
-
-
-NEAR = {"near": True, "beta_m": 0.3, "beta_n": 0.25, "alpha": -2.0, "eumelanin": 1.3}
-
-
-def test_tables_of_other_absorptions_are_made_when_one_is_asked_for(use_variant: UseVariant) -> None:
-    """Not on loading; by a change of the scale, and by that of a number after it."""
-    mi = use_variant("scalar_rgb")
-    rng = np.random.default_rng(8)
-    r, i, u = random_directions(rng, 20), random_directions(rng, 20), rng.random((20, 3)).astype(np.float32)
-
-    def hair(**given: float) -> Any:
-        return mi.load_dict({"type": "cuticle", "fibre": "blond", "sampling": "uniform", **given})
-
-    bsdf = hair()
-    parameters = mi.traverse(bsdf)
-    for name, value, other in (("scale.value", 2.0, {"scale": 2.0}), ("beta_N", 14.0, {"scale": 2.0, "beta_N": 14.0})):
-        parameters[name] = value
-        parameters.update()
-        for strands in (None, np.full(20, 2.0)):
-            both = [ask(mi, b, r, i, u, strands).f for b in (bsdf, hair(**other))]
-            np.testing.assert_allclose(*both, rtol=1e-5)
-
-
-@pytest.mark.parametrize(
-    ("given", "changes", "of_changed"),
-    [
-        (NEAR, {"beta_m": 0.4, "alpha": 3.0, "eta": 1.4, "pheomelanin": 0.5}, {}),
-        # A default that follows another parameter still does.
-        pytest.param(
-            {"alpha_R": -3.0, "beta_R": 8.0, "eumelanin": 1.0, "lobes": 1},
-            {"alpha_R": -6.0, "eumelanin": 0.25},
-            {"alpha_TT": 3.0, "alpha_TRT": 9.0},
-            marks=pytest.mark.slow,
-        ),
-        pytest.param({**NEAR, "near": False}, {"beta_n": 0.375, "eumelanin": 0.25}, {}, marks=pytest.mark.slow),
-        pytest.param({**NEAR, "near": False, "strands": True, "lobes": 1}, {"beta_m": 0.5}, {}, marks=pytest.mark.slow),
-        pytest.param({**NEAR, "color": (0.4, 0.2, 0.1), "eumelanin": None}, {"beta_n": 0.4}, {}, marks=pytest.mark.slow),
-    ],
-    ids=["near", "fibre", "far", "among strands", "a colour"],
-)
-@pytest.mark.parametrize("variant", ["scalar_rgb", "llvm_ad_spectral"])
-def test_an_update_makes_what_follows_from_a_number_anew(
-    variant: str, given: dict[str, Any], changes: dict[str, Any], of_changed: dict[str, Any], use_variant: UseVariant
-) -> None:
-    mi = use_variant(variant)
-    given = {k: mi.ScalarColor3f(*v) if k == "color" else v for k, v in given.items() if v is not None}
-    rng = np.random.default_rng(6)
-    r, i, u = random_directions(rng, 40), random_directions(rng, 40), rng.random((40, 3), np.float32)
-    strands = np.full(40, 1.5) if {"alpha_R", "strands"} & given.keys() else None
-    bsdf, wanted = (mi.load_dict({"type": "cuticle", **given, **c}) for c in ({}, changes))
-    parameters = mi.traverse(bsdf)
-    before = ask(mi, bsdf, r, i, u, strands)
-    parameters.update(changes)
-    assert {k: parameters[k] for k in of_changed} == pytest.approx(of_changed)
-    for part, after, old in zip(Answers._fields, ask(mi, bsdf, r, i, u, strands), before, strict=True):
-        expected = getattr(ask(mi, wanted, r, i, u, strands), part)
-        if part == "wo":
-            assert np.abs(after.vector - expected.vector).max() <= 1e-5
-        else:
-            assert relative(after, expected) <= 1e-4, part  # changes in single precision
-            assert relative(old, expected) > 0.05, part
-    parameters["eta"] = 7.0
-    with pytest.raises(ValueError, match=r"^eta must be in \(1, 3\], got 7; keratin has 1.55$"):
-        parameters.update()
-    assert relative(ask(mi, bsdf, r, i, u, strands).f, ask(mi, wanted, r, i, u, strands).f) <= 1e-4
-
-
-@pytest.mark.slow
-def test_absorption_is_differentiable(use_variant: UseVariant) -> None:
-    mi = use_variant("llvm_ad_rgb")
-    import drjit as dr
-
-    bsdf = mi.load_dict({"type": "cuticle", "fibre": "brown", "scale": 1.3})
-    parameters = mi.traverse(bsdf)
-    scale = mi.Float(1.3)
-    dr.enable_grad(scale)
-    parameters["scale.value"] = scale
-    parameters.update()
-    rng = np.random.default_rng(5)
-    r, i = random_directions(rng, 1000), random_directions(rng, 1000)
-    si = dr.zeros(mi.SurfaceInteraction3f, 1000)
-    si.wi = mi.Vector3f(*r.vector.T)
-    total = dr.sum(dr.mean(bsdf.eval(mi.BSDFContext(), si, mi.Vector3f(*i.vector.T))))
-    dr.backward(total)
-
-    def energy(s: float) -> float:
-        fibre = cuticle.Fibre.preset("brown")
-        model = alone(fibre.replace(sigma_a=tuple(s * x for x in fibre.absorption)))
-        return float((model.eval(i.theta, r.theta, i.phi - r.phi).mean(axis=1) * np.cos(i.theta)).sum())
-
-    slope = (energy(1.301) - energy(1.299)) / 0.002
-    assert float(np.ravel(np.array(scale.grad))[0]) == pytest.approx(slope, rel=0.02)  # of an interpolation
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import cuticle
-from test_mitsuba import AMONG_STRANDS, HALF_SPACE, UseVariant, ask, random_directions, relative
+from mitsuba_answers import AMONG_STRANDS, HALF_SPACE, UseVariant, ask, random_directions, relative
 
 CHIANG = {"beta_m": 0.3, "beta_n": 0.3, "alpha": 2.0, "eumelanin": 1.3}
 MARSCHNER = {"alpha_R": -4.0, "beta_R": 8.0, "beta_N": 10.0, "eumelanin": 1.3}

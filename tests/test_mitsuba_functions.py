@@ -12,8 +12,8 @@ import cuticle
 from command import run_program
 from cuticle.grooms.groom import Groom
 from cuticle.grooms.procedural import hair_ball
+from mitsuba_answers import VARIANTS, UseVariant, ask, random_directions, relative
 from test_export_functions import CHIANG, make_table
-from test_mitsuba import VARIANTS, UseVariant, ask, random_directions, relative
 
 TILTED = cuticle.Chiang(**CHIANG.values() | {"alpha": 4.0, "eumelanin": 0.8})
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from cuticle.render.scene import mitsuba
-from test_mitsuba import UseVariant
+from mitsuba_answers import UseVariant
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from cuticle.render.scene import View, integrator, load_scene
 if importlib.util.find_spec("mitsuba") is None:
     pytest.skip("Mitsuba is not installed: pip install 'cuticle[mitsuba]'", allow_module_level=True)
 
-from test_mitsuba import UseVariant, ask, random_directions, relative
+from mitsuba_answers import UseVariant, ask, random_directions, relative
 
 CHIANG = {"beta_m": 0.35, "beta_n": 0.2, "alpha": 3.0, "eta": 1.5}
 
