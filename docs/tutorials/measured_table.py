@@ -36,8 +36,8 @@ for t in (-0.9, 0.0, 0.9):
     print(f"theta_r {t:+.1f}: ESS on the truth {cuticle.measure(fit.sampler, truth, t).ess:.3f}")
 
 # %% [markdown]
-# Write it. The scattering function goes along as a table, thinned until f is within 1 % of its integral. Noise in it counts as
-# f, so that the file of a noisy table is large: average your measurement before, or write the sampler alone.
+# Write it. The scattering function goes along as a table, thinned until f is within 1 % of its integral. Noise in it counts
+# as f, so that the file of a noisy table is large: average your measurement before, or write the sampler alone.
 
 # %%
 from cuticle.export import export  # noqa: E402
