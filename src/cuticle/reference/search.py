@@ -13,7 +13,7 @@ from cuticle.reference.formulas import ROUGHLY, Evaluated, Formulas
 from cuticle.reference.models import evaluate
 from cuticle.reference.slip_table import SLIPS
 from cuticle.reference.slips import Slip
-from cuticle.reference.tolerance import EXPLAINED, Quantity
+from cuticle.reference.tolerance import AVERAGED_SHARE, EXPLAINED, Quantity
 
 Array = NDArray[np.float64]
 MOST_TOGETHER = 4
@@ -128,6 +128,6 @@ def _judge(slips: tuple[Slip, ...], quantity: Quantity, value: Array) -> Hypothe
     difference = difference[np.isfinite(difference)]
     median = float(np.median(difference)) if difference.size else np.inf
     outside = quantity.outside(value)
-    limit = EXPLAINED if not quantity.averaged else 2 * 1e-2
+    limit = 2 * AVERAGED_SHARE if quantity.averaged else EXPLAINED
     explains = outside <= limit and quantity.bias(value) <= 1
     return Hypothesis(slips, outside, median, quantity.score(value), explains)

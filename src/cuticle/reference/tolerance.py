@@ -18,7 +18,7 @@ _EPS = {"single": 2.0**-23, "double": 2.0**-52}
 _TINY = {"single": 1e-30, "double": 1e-200}  # values below are taken for 0
 SHARE = 1e-3  # of all values may lie outside the tolerance, none further than
 FURTHEST = 30.0  # tolerances
-_AVERAGED_SHARE = 1e-2
+AVERAGED_SHARE = 1e-2
 EXPLAINED = 5e-3  # a hypothesis that leaves no more of the values outside explains them
 
 
@@ -80,7 +80,7 @@ class Quantity:
         """Whether the values are those predicted."""
         off = self.off(predicted)
         off = off[~np.isnan(off)]
-        share = _AVERAGED_SHARE if self.averaged else SHARE
+        share = AVERAGED_SHARE if self.averaged else SHARE
         return bool((off > 1).mean() <= share and off.max() <= FURTHEST and self.bias(predicted) <= 1)
 
     def outside(self, predicted: Array) -> float:
