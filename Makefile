@@ -15,7 +15,9 @@ demo: $(VENV)/.installed
 # What proves right results, once on each path; side by side, file by file in their order, which has long ones first.
 PYTEST := $(BIN)/python -m pytest
 # One thread each for OpenBLAS: those of several processes wait for one another at full load, which doubles the CPU time.
-SIDE_BY_SIDE := OPENBLAS_NUM_THREADS=1 $(PYTEST) --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
+# A process more than cores, for some wait for a browser or a program.
+SIDE_BY_SIDE := OPENBLAS_NUM_THREADS=1 PYTEST_XDIST_AUTO_NUM_WORKERS=$$(($$(getconf _NPROCESSORS_ONLN) + 1)) \
+	$(PYTEST) --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 test: $(VENV)/.installed-test
 	$(SIDE_BY_SIDE) -m 'not slow and not alone'
 

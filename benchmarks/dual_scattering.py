@@ -39,6 +39,9 @@ def grooms(data: Path | None) -> dict[str, Groom]:
         found["ponytail x 9"] = tail.with_followers(8, 0.3, tip_spread=0.8).with_thickness(0.05, 0.02)
         found["bear"] = read_groom(folder / "bear.tfx")
         found["bear, thick"] = found["bear"].with_thickness(0.2, 0.05)
+        guides = read_groom(data / "hair" / "sintel" / "sintel.tfx")
+        full = guides.interpolated(100_000, points=20, clumping=0.35, frizz=0.008, length_variation=0.1)
+        found["sintel"] = full.with_thickness(5e-5, 2.5e-5)
     return found
 
 
@@ -74,7 +77,7 @@ def main() -> None:
     try:
         found = grooms(arguments.data)
     except ValueError as error:
-        parser.error(f"--data must hold hair/tressfx with its grooms: {error}")
+        parser.error(f"--data must hold hair/tressfx and hair/sintel with their grooms: {error}")
     chosen = arguments.groom or list(found)
     if unknown := [name for name in chosen if name not in found]:
         parser.error(f"--groom must be one of {', '.join(found)}; got {', '.join(unknown)}")

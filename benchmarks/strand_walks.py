@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from strand_walk import quadrature, walk
 
 FIBRES = {"blond, green": ("blond", 1), "brown, red": ("brown", 0), "marschner, σ_a .2": ("marschner", 0)}
-ARRANGEMENTS = [("sheets", n) for n in (1, 2, 4, 8)] + [("medium", t) for t in (0.5, 2, 8)]
+ARRANGEMENTS = [("sheets", n) for n in (1, 2, 4, 8, 16)] + [("medium", t) for t in (0.5, 2, 8)]
 
 
 def scattered(model: DualScattering, c: int, arrangement: str, n: float) -> Callable[..., np.ndarray]:
@@ -41,7 +41,7 @@ def main() -> None:
         if name == "marschner":
             fibre = fibre.replace(sigma_a=0.2)
         model, sigma_a = DualScattering(fibre), fibre.absorption[c]
-        for degrees in (0, 50, -70):
+        for degrees in (0, 50, -70, 75):
             theta_r, cells = np.radians(degrees), []
             for how, n in ARRANGEMENTS:
                 energy, *angles = walk(fibre, sigma_a, theta_r, n, arrangement=how, count=paths).moments()

@@ -12,6 +12,7 @@ from scipy import stats
 
 from cuticle import _core
 from cuticle.sampling.densities import DENSITIES, Density, even_normal, longitudinal_normal, periodic_normal
+from cuticle.sampling.families import core_table
 
 MEANS = [-30.0, -math.pi, -math.pi / 2, -1.0, 0.0, 0.7, math.pi / 2, 1.9, math.pi, 5.0, 400.0]
 SIGMAS = [np.radians(0.2), 0.05, 0.3, 1.0, 3.0, 50.0, 1e6]
@@ -145,15 +146,14 @@ def test_bessel_function(x: float) -> None:
 @pytest.mark.parametrize("even", [True, False])
 def test_tables_of_every_family(family: str, even: bool) -> None:
     """The core's tables: ∫ pdf, cdf and inverse, samples' pdf, single precision beside double."""
-    ending = "" if family == _core.lobe_families[0] else f"_{family}"
     lobes = [[0.6, 0.4], [-1.2, 0.5], [3.3 if even else -4.0, 0.9], [0.1, 0.8], [0.5, 40.0]]
     nodes = np.broadcast_to(np.array(lobes), (1, 2, 5, 2)).copy()
-    table = {kind: getattr(_core, f"Table2{kind}{ending}")(nodes, np.ones((1, 2)), np.zeros(1), even) for kind in ("d", "f")}
+    table = {dtype: core_table(nodes, np.ones((1, 2)), (0.0,), even, family, dtype) for dtype in (np.float64, np.float32)}
 
     def pdf(theta: np.ndarray, phi: np.ndarray, dtype: type) -> np.ndarray:
         out = np.empty(theta.size, dtype)
         own = [np.ascontiguousarray(np.broadcast_to(x, theta.shape), dtype) for x in (theta, 0.3, phi, 0)]
-        table["d" if dtype is np.float64 else "f"].pdf(*own, out)
+        table[dtype].pdf(*own, out)
         return out
 
     n = 800
@@ -167,13 +167,13 @@ def test_tables_of_every_family(family: str, even: bool) -> None:
     for coordinate in (0, 1):
         for lobe in (0, 1):
             x, back = np.empty(99), np.empty(99)
-            table["d"].lobe(coordinate, True, lobe, False, u, viewer, alone, x)
-            table["d"].lobe(coordinate, False, lobe, False, x, viewer, alone, back)
+            table[np.float64].lobe(coordinate, True, lobe, False, u, viewer, alone, x)
+            table[np.float64].lobe(coordinate, False, lobe, False, x, viewer, alone, back)
             np.testing.assert_allclose(back, u, atol=1e-9)
 
     numbers = np.random.default_rng(3).random((5000, 3)).astype(np.float32)
     drawn = [np.empty(5000, np.float32) for _ in range(3)]
-    table["f"].sample(np.full(5000, 0.3, np.float32), numbers.ravel(), np.zeros(5000, np.float32), *drawn)
+    table[np.float32].sample(np.full(5000, 0.3, np.float32), numbers.ravel(), np.zeros(5000, np.float32), *drawn)
     np.testing.assert_allclose(drawn[2], pdf(drawn[0], drawn[1], np.float64), rtol=1e-3)
 
 

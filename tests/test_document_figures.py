@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import combinations
 
+import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
@@ -31,6 +32,7 @@ def test_figures_are_drawn_each_by_one_function(reproduced: Document) -> None:
             assert "nan" not in text.get_text()  # type: ignore[attr-defined]
 
 
+@pytest.mark.slow
 def test_no_label_runs_into_another(reproduced: Document) -> None:
     for name, (figure, _) in figures(reproduced).items():
         canvas = FigureCanvasAgg(figure)

@@ -56,7 +56,7 @@ def test_between_nodes_smooth(sharp_fit: tuple[DualScattering, cuticle.Fit]) -> 
     "fibre",
     [
         Fibre(alpha_R=-3, beta_R=3, sigma_a=0.3, beta_N=2),
-        Fibre(alpha_R=-20, beta_R=6, sigma_a=0.5, beta_N=8),
+        pytest.param(Fibre(alpha_R=-20, beta_R=6, sigma_a=0.5, beta_N=8), marks=pytest.mark.slow),
         pytest.param(Fibre.preset("marschner"), marks=pytest.mark.slow),
         pytest.param(Fibre.preset("black"), marks=pytest.mark.slow),
         pytest.param(Fibre(alpha_R=-10, beta_R=30, sigma_a=1, beta_N=60), marks=pytest.mark.slow),

@@ -197,6 +197,25 @@ def test_zinke2008_is_as_printed() -> None:
     assert float(model.eval(theta_i, theta_r, phi)[0]) == pytest.approx(expected, rel=2e-3)
 
 
+@pytest.mark.parametrize("model", [
+    DualScattering(SMOOTH), DualScattering(SMOOTH, formulation="zinke2008"), Marschner(SMOOTH),
+    Marschner(SMOOTH, "energy_conserving"), cuticle.Chiang(beta_m=0.3, beta_n=0.4, sigma_a=(0.2, 0.5, 1)),
+], ids=["exact", "zinke2008", "gaussian", "conserving", "chiang"])  # fmt: skip
+def test_rows_of_azimuths_are_what_each_direction_alone_is(model: cuticle.Bcsdf) -> None:
+    """Azimuths that come in rows are looked up once, in vectors: rows that stay, change, shrink, and break off."""
+    rng = np.random.default_rng(3)
+    phi = rng.uniform(-np.pi, np.pi, 61)
+    rows = [(0.3, 0.2, phi), (0.4, 0.2, phi), (0.4, 0.7, phi), (-0.3, 0.7, phi), (-0.3, 0.7, phi[:30]), (1.2, 0.7, phi),
+            (1.2, 0.7, phi[::-1]), (0.1, 0.7, phi[:2]), (0.2, 0.7, phi[:9])]  # fmt: skip
+    rows += [(t, -0.5, phi) for t in np.linspace(-1, 1, 80)]
+    columns = [np.concatenate([np.broadcast_to(row[k], row[2].shape) for row in rows]) for k in range(3)]
+    for own in (model.with_strands(n) for n in (0, 0.5, 3)) if isinstance(model, DualScattering) else (model,):
+        order = rng.permutation(columns[0].size)
+        alone = np.empty((columns[0].size, own.eval(0, 0, 0).size))
+        alone[order] = own.eval(*(c[order] for c in columns))
+        np.testing.assert_allclose(own.eval(*columns), alone, rtol=1e-13)
+
+
 def test_between_none_and_one_strand_it_is_a_blend() -> None:
     theta, phi, _ = sphere(30, 20)
     for formulation in ("exact", "zinke2008"):

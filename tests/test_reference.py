@@ -18,7 +18,7 @@ from cuticle.reference.models import evaluate, formulas_of
 from cuticle.reference.search import applicable
 
 pytest.importorskip("flint", reason="python-flint is not installed: pip install 'cuticle[reference]'")
-NEAR = draw("chiang", 600, 1, near=True, longitudinal="")
+NEAR = draw("chiang", 300, 1, near=True, longitudinal="")
 # Below the tolerance of single precision on any case.
 SMALL = ("log-i0-first-order", "ln2-4-digits")
 

@@ -196,6 +196,7 @@ def test_ctrl_c_before_the_package_is_imported() -> None:
 
 
 @posix
+@pytest.mark.slow
 def test_ctrl_c_within_a_render_of_mitsuba(tmp_path: Path) -> None:
     pytest.importorskip("mitsuba")
     command = [sys.executable, "-m", "cuticle", "render", "lock", "--width", "64", "--spp", "1000000", "-o", "a.png"]

@@ -118,12 +118,13 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
         const cuticle::ChiangRest<float, Memory> rest{cuticle_mitsuba::memory<Float>(m_rest), m_rest_rows, m_channels,
                                                       m_rest_variance};
         const auto value = [&](const auto &channel) {
-            if (!surrounded) {
-                Float f(0);
-                if (m_rest_rows) f = cuticle::chiang_far_rest(rest, theta_i, r.theta, channel);
-                return cuticle::add_rows(f, model.direct, alone, cuticle::direct_rows, at, channel);
-            }
             auto terms = alone;
+            if (!surrounded) {
+                if (m_rest_rows) terms.constant = cuticle::chiang_far_rest(rest, theta_i, r.theta, channel);
+                auto values = cuticle::no_azimuths<Float>();
+                cuticle::look_up(model.direct, cuticle::direct_rows, at, channel, values);
+                return cuticle::azimuthal_sum(terms, values);
+            }
             cuticle::add_surroundings(model, channel, theta_i, r.theta, around, cuticle::mask_all, terms);
             return cuticle::sum_around(model, terms, at, r.theta, Float(phi), channel, around);
         };

@@ -180,25 +180,72 @@ struct Model {
         model.d_b = d_b;
     }
 
+    // Azimuths in vectors, and what was looked up for them: the same for many theta_i where N is that of theta_r.
+    static constexpr std::size_t wide = 8, few = 3;
+    using Lanes = cuticle::Pack<double, wide>;
+    struct Row {
+        std::vector<double> phi;
+        std::vector<cuticle::AzimuthalValues<Lanes>> values;  // [vector][channel]
+    };
+
+    void look_up(Row &row, double inclination, double theta_r, const cuticle::Surroundings<double> &around) const {
+        const auto vectors = (row.phi.size() + wide - 1) / wide, channels = std::size_t(model.direct.channels);
+        const cuticle::Surroundings<Lanes> all{Lanes(around.strands), Lanes(around.behind), around.random};
+        row.phi.resize(vectors * wide, row.phi.back());
+        row.values.resize(vectors * channels);
+        for (std::size_t v = 0; v < vectors; ++v) {
+            const Lanes phi = cuticle::load_pack<double, wide>(&row.phi[v * wide]);
+            const auto at = cuticle::locate(model.direct, Lanes(inclination), phi);
+            for (std::size_t c = 0; c < channels; ++c) {
+                auto &values = row.values[v * channels + c];
+                if (dual) values = cuticle::azimuths_around(model, at, Lanes(theta_r), phi, int(c), all);
+                else
+                    cuticle::look_up(model.direct, cuticle::direct_rows, at, int(c), values = cuticle::no_azimuths<Lanes>());
+            }
+        }
+    }
+
     void over(const In<double> &theta_i, const In<double> &theta_r, const In<double> &phi, const Broadcast<double> &strands,
               const Broadcast<double> &behind, bool random, int lobes, Out<double> &out) const {
         const auto ti = broadcast(theta_i), tr = broadcast(theta_r), ph = broadcast(phi);
         const auto channels = static_cast<std::size_t>(model.direct.channels);
-        parallel_for(out.shape(0), 512, [&](std::size_t begin, std::size_t end) {
+        parallel_for(out.shape(0), 2048, [&](std::size_t begin, std::size_t end) {
             std::vector<cuticle::AzimuthalTerms<double>> terms(channels);
-            cuticle::Surroundings<double> around{-1, 0, random};
-            for (std::size_t i = begin; i < end; ++i) {
+            Row row;
+            const auto as = [&](std::size_t i, std::size_t j) {
+                return tr[i] == tr[j] && strands[i] == strands[j] && behind[i] == behind[j];
+            };
+            for (std::size_t i = begin, stop; i < end; i = stop) {
+                for (stop = i + 1; stop < end && ti[stop] == ti[i] && as(stop, i);) ++stop;
                 const double t = ti[i], r = tr[i];
-                if (i == begin || t != ti[i - 1] || r != tr[i - 1] || strands[i] != around.strands ||
-                    behind[i] != around.behind) {
-                    around = {strands[i], behind[i], random};
-                    if (dual) cuticle::dual_scattering_terms(model, t, r, around, lobes, terms.data());
-                    else if (rest.rows) cuticle::chiang_far_terms(model.fibre, rest, t, r, lobes, terms.data());
-                    else cuticle::marschner_terms(model.fibre, t, r, lobes, int(channels), terms.data());
-                }
+                const cuticle::Surroundings<double> around{strands[i], behind[i], random};
+                if (dual) cuticle::dual_scattering_terms(model, t, r, around, lobes, terms.data());
+                else if (rest.rows) cuticle::chiang_far_terms(model.fibre, rest, t, r, lobes, terms.data());
+                else cuticle::marschner_terms(model.fibre, t, r, lobes, int(channels), terms.data());
                 double *f = out.data() + i * channels;
-                if (dual) cuticle::dual_scattering_around(model, terms.data(), t, r, ph[i], around, f);
-                else cuticle::marschner_around(model.fibre, model.direct, terms.data(), t, r, ph[i], f);
+                if (stop - i <= few) {
+                    for (std::size_t j = i; j < stop; ++j, f += channels)
+                        if (dual) cuticle::dual_scattering_around(model, terms.data(), t, r, ph[j], around, f);
+                        else cuticle::marschner_around(model.fibre, model.direct, terms.data(), t, r, ph[j], f);
+                    continue;
+                }
+                const double inclination = cuticle::azimuthal_inclination(model.fibre.form, t, r);
+                bool known = i > begin && stop - i <= row.phi.size() && as(i, i - 1) &&
+                             inclination == cuticle::azimuthal_inclination(model.fibre.form, ti[i - 1], r);
+                for (std::size_t j = i; known && j < stop; ++j) known = row.phi[j - i] == ph[j];
+                if (!known) {
+                    row.phi.clear();
+                    for (std::size_t j = i; j < stop; ++j) row.phi.push_back(ph[j]);
+                    look_up(row, inclination, r, around);
+                }
+                for (std::size_t c = 0; c < channels; ++c) {
+                    const auto all = cuticle::azimuthal_terms<Lanes>(terms[c]);
+                    for (std::size_t j = 0; j < stop - i; j += wide) {
+                        const Lanes sum = cuticle::azimuthal_sum(all, row.values[j / wide * channels + c]);
+                        for (std::size_t k = j; k < std::min(j + wide, stop - i); ++k)
+                            f[k * channels + c] = sum[static_cast<int>(k - j)];
+                    }
+                }
             }
         });
     }

@@ -150,8 +150,6 @@ template <class Float, int K, class Family> void bind(nb::module_ &m, const std:
 // Table4f, Table4d, … with an ending for a family that is not the first.
 template <class Float, class Family> void bind_tables(nb::module_ &m, const std::string &ending) {
     const std::string whole = (std::is_same_v<Float, float> ? "f" : "d") + ending;
-    bind<Float, 1, Family>(m, whole);
-    bind<Float, 2, Family>(m, whole);
     bind<Float, 4, Family>(m, whole);
     bind<Float, 8, Family>(m, whole);
     bind<Float, 16, Family>(m, whole);

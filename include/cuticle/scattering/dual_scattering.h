@@ -203,20 +203,27 @@ CUTICLE_HD void dual_scattering_terms(const DualScatteringModel<Scalar, Memory> 
     for (int c = 0; c < channels; ++c) add_surroundings(model, c, theta_i, theta_r, around, lobes, terms[c]);
 }
 
-// f of one channel in 1/sr, without a cosine, at phi from its terms; `at` is the place that `locate` found in model.direct,
-// and the spread table has the same rows and columns.
+// What the terms of one channel are multiplied by at phi; `at` is the place that `locate` found in model.direct, and the
+// spread table has the same rows and columns.
+template <class Float, class Scalar, class Memory, class Channel>
+CUTICLE_HD AzimuthalValues<Float> azimuths_around(const DualScatteringModel<Scalar, Memory> &model,
+                                                  const Bilinear<Float> &at, const Float &theta_r, const Float &phi,
+                                                  const Channel &channel, const Surroundings<Float> &around) {
+    using Traits = ArrayTraits<Float>;
+    AzimuthalValues<Float> values = no_azimuths<Float>();
+    if (around.random || Traits::any(around.strands < Float(1))) look_up(model.direct, direct_rows, at, channel, values);
+    if (model.formulation == Formulation::exact)
+        through_azimuths(model.through, place_among(model.through, theta_r, around), phi, channel, values.through);
+    else if (Traits::any(around.strands > Float(0))) look_up(model.spread, spread_rows, at, channel, values);
+    return values;
+}
+
+// f of one channel in 1/sr, without a cosine, at phi from its terms.
 template <class Float, class Scalar, class Memory, class Channel>
 CUTICLE_HD Float sum_around(const DualScatteringModel<Scalar, Memory> &model, const AzimuthalTerms<Float> &terms,
                             const Bilinear<Float> &at, const Float &theta_r, const Float &phi, const Channel &channel,
                             const Surroundings<Float> &around) {
-    using Traits = ArrayTraits<Float>;
-    Float f = terms.constant;
-    if (around.random || Traits::any(around.strands < Float(1)))
-        f = add_rows(f, model.direct, terms, direct_rows, at, channel);
-    if (model.formulation == Formulation::exact)
-        return add_through(f, model.through, place_among(model.through, theta_r, around), terms.through, phi, channel);
-    if (Traits::any(around.strands > Float(0))) f = add_rows(f, model.spread, terms, spread_rows, at, channel);
-    return f;
+    return azimuthal_sum(terms, azimuths_around(model, at, theta_r, phi, channel, around));
 }
 
 // The same at phi for every channel of the tables, into f[channels].

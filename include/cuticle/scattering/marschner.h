@@ -34,6 +34,33 @@ enum AzimuthalRows { direct_rows, spread_rows };
 template <class Float> struct AzimuthalTerms {
     Float weight[2][lobe_count], constant, through[lobe_count + 2];
 };
+// The same for many phi.
+template <class Lanes, class Float> CUTICLE_INLINE AzimuthalTerms<Lanes> azimuthal_terms(const AzimuthalTerms<Float> &one) {
+    AzimuthalTerms<Lanes> all;
+    all.constant = Lanes(one.constant);
+    for (int rows = 0; rows < 2; ++rows)
+        for (int p = 0; p < lobe_count; ++p) all.weight[rows][p] = Lanes(one.weight[rows][p]);
+    for (int p = 0; p < lobe_count + 2; ++p) all.through[p] = Lanes(one.through[p]);
+    return all;
+}
+// What was looked up for that at one phi: N_p, N^G_p and the parts' densities.
+template <class Float> struct AzimuthalValues {
+    Float rows[2][lobe_count], through[lobe_count + 2];
+};
+template <class Float> CUTICLE_INLINE AzimuthalValues<Float> no_azimuths() {
+    AzimuthalValues<Float> values;
+    for (int p = 0; p < lobe_count; ++p) values.rows[direct_rows][p] = values.rows[spread_rows][p] = Float(0);
+    for (int p = 0; p < lobe_count + 2; ++p) values.through[p] = Float(0);
+    return values;
+}
+template <class Float>
+CUTICLE_INLINE Float azimuthal_sum(const AzimuthalTerms<Float> &terms, const AzimuthalValues<Float> &values) {
+    Float f = terms.constant;
+    for (int rows = 0; rows < 2; ++rows)
+        for (int p = 0; p < lobe_count; ++p) f = f + terms.weight[rows][p] * values.rows[rows][p];
+    for (int p = 0; p < lobe_count + 2; ++p) f = f + terms.through[p] * values.through[p];
+    return f;
+}
 
 // Shifts and variances of several longitudinal parts; these at one pair of inclinations.
 template <class Float, int Count> struct LongitudinalParts {
@@ -67,12 +94,11 @@ CUTICLE_HD void marschner_terms(const FibreLobes<Scalar> &fibre, const Float &th
             if (lobes & (1 << p)) terms[c].weight[direct_rows][p] = m[p];
 }
 
-// `sum` and one table's part of one channel, an int or a ChannelBetween, at a place that `locate` found.
+// What one table has for one channel, an int or a ChannelBetween, at a place that `locate` found.
 template <class Float, class Memory, class Channel>
-CUTICLE_HD Float add_rows(Float sum, const AzimuthalTable<Memory> &table, const AzimuthalTerms<Float> &terms,
-                          AzimuthalRows rows, const Bilinear<Float> &at, const Channel &channel) {
-    for (int p = 0; p < lobe_count; ++p) sum = sum + terms.weight[rows][p] * azimuthal_value(table, at, p, channel);
-    return sum;
+CUTICLE_HD void look_up(const AzimuthalTable<Memory> &table, AzimuthalRows rows, const Bilinear<Float> &at,
+                        const Channel &channel, AzimuthalValues<Float> &values) {
+    for (int p = 0; p < lobe_count; ++p) values.rows[rows][p] = azimuthal_value(table, at, p, channel);
 }
 
 // f in 1/sr, without a cosine, at phi into f[channels], from marschner_terms.
@@ -81,7 +107,11 @@ CUTICLE_HD void marschner_around(const FibreLobes<Scalar> &fibre, const Azimutha
                                  const AzimuthalTerms<Float> *terms, const Float &theta_i, const Float &theta_r,
                                  const Float &phi, Float *f) {
     const Bilinear<Float> at = locate(table, azimuthal_inclination(fibre.form, theta_i, theta_r), phi);
-    for (int c = 0; c < table.channels; ++c) f[c] = add_rows(terms[c].constant, table, terms[c], direct_rows, at, c);
+    for (int c = 0; c < table.channels; ++c) {
+        AzimuthalValues<Float> values = no_azimuths<Float>();
+        look_up(table, direct_rows, at, c, values);
+        f[c] = azimuthal_sum(terms[c], values);
+    }
 }
 
 }  // namespace cuticle

@@ -163,10 +163,10 @@ CUTICLE_HD Behind<Float> behind_at(const ThroughTable<Scalar, Memory> &table, co
     return {value(0), value(1), value(2)};
 }
 
-// What of that goes to an azimuth: the sum over parts of their lobes times their densities of phi.
+// The densities of phi that the lobes are multiplied by: values[through_parts + 1].
 template <class Float, class Scalar, class Memory, class Channel>
-CUTICLE_HD Float add_through(Float sum, const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at,
-                             const Float *lobes, const Float &phi, const Channel &channel) {
+CUTICLE_INLINE void through_azimuths(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at,
+                                     const Float &phi, const Channel &channel, Float *values) {
     using Index = typename ArrayTraits<Float>::Index;
     const Place<Float> column = locate_azimuth(phi, table.columns);
     const int size = through_parts * table.channels, row = table.columns * size, slot = table.azimuth_rows * row;
@@ -182,8 +182,18 @@ CUTICLE_HD Float add_through(Float sum, const ThroughTable<Scalar, Memory> &tabl
     };
     const Index lower = first + (at.strands.node + Index(1)) * Index(slot), upper = lower + Index(slot);
     for (int p = 0; p < through_parts; ++p)
-        if (at.scattered) sum = sum + lobes[p] * math::convex(value(lower, p), value(upper, p), at.strands.t);
-    return sum + lobes[through_parts] * value(first, through_parts - 1);
+        values[p] = at.scattered ? Float(math::convex(value(lower, p), value(upper, p), at.strands.t)) : Float(0);
+    values[through_parts] = value(first, through_parts - 1);
+}
+
+// What of that goes to an azimuth: the sum over parts of their lobes times their densities of phi.
+template <class Float, class Scalar, class Memory, class Channel>
+CUTICLE_HD Float add_through(Float sum, const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at,
+                             const Float *lobes, const Float &phi, const Channel &channel) {
+    Float values[through_parts + 1];
+    through_azimuths(table, at, phi, channel, values);
+    for (int p = 0; p <= through_parts; ++p) sum = sum + lobes[p] * values[p];
+    return sum;
 }
 
 // Where between two nodes a density that is linear there has what is wanted of its integral, in half steps.

@@ -9,13 +9,12 @@ from typing import Any, NamedTuple
 
 import mitsuba as mi
 import numpy as np
-from numpy.typing import NDArray
 
 from cuticle.mitsuba.closed_forms import closed_form
 from cuticle.mitsuba.material import Material, alone, among_others
 from cuticle.mitsuba.parameters import changeable
 from cuticle.mitsuba.spectra import spectrum, tensor
-from cuticle.sampling.lobe_table import SIGMA_PHI, SIGMA_THETA
+from cuticle.sampling.families import padded
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.chiang import Chiang
 from cuticle.scattering.compact_table import FunctionTable, tabulate_function
@@ -26,7 +25,6 @@ from cuticle.scattering.host_tables import TOLERANCE
 from cuticle.scattering.marschner import Marschner
 from cuticle.scattering.through_strands import passed_through, through_tables
 
-_SIZES = (4, 8, 16, 32)  # numbers of lobes that the plugin is compiled for
 _RATIO = 1.3  # between neighbouring absorptions of the tables
 _REACH = 8.0  # how far beyond the fibre's own absorption they go, either way
 COUNTS = (0.0, 1.0, 2.0, 4.0, 8.0, 16.0)  # strands that a table among others is for
@@ -94,7 +92,7 @@ def build(
             props["scale"] = scale
         for name, sampler in (("single", material.single), ("combined", material.combined)):
             if sampler is not None:
-                props[name] = tensor(_padded(sampler))
+                props[name] = tensor(padded(sampler.nodes[0]))
                 props[f"{name}_even"] = sampler.even
     if scene is not None:
         props["scene"], props["numbers"] = _properties(scene), _properties({} if material.own else changeable(fibre))
@@ -161,16 +159,6 @@ def _function_tables(props: Any, material: Material) -> None:
 def function_table(function: Any, counts: tuple[float, ...]) -> FunctionTable:
     """Return the table that stands for a function in the plugin."""
     return tabulate_function(function, counts, TOLERANCE)
-
-
-def _padded(sampler: Sampler) -> NDArray[np.float64]:
-    """The one row of a sampler as (theta nodes, 5, K), K rounded up by lobes of weight 0."""
-    nodes = sampler.nodes[0]
-    size = next(k for k in _SIZES if k >= sampler.lobes)
-    out = np.zeros((*nodes.shape[:2], size))
-    out[:, [SIGMA_THETA, SIGMA_PHI], :] = 1
-    out[:, :, : sampler.lobes] = nodes
-    return out
 
 
 def _describe(material: Material) -> str:

@@ -15,12 +15,13 @@ from cuticle.sampling.lobe_table import PARAMETERS, WEIGHT
 
 FAMILIES: tuple[str, ...] = _core.lobe_families  # the first is meant where none is named
 NORMAL = FAMILIES[0]
-_SIZES = (1, 2, 4, 8, 16, 32)  # numbers of lobes that the core is compiled for
+_COMPILED = (4, 8, 16, 32)  # numbers of lobes that the core and the Mitsuba plugin are compiled for
+PACKED = (1, 2, *_COMPILED)  # those that fill vectors
 
 
-def padded(nodes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return nodes (..., 5, K) with lobes of weight 0 added up to 1, 2, 4, 8, 16 or 32: what the core packs into vectors."""
-    size = next(k for k in _SIZES if k >= nodes.shape[-1])
+def padded(nodes: NDArray[np.float64], sizes: tuple[int, ...] = _COMPILED) -> NDArray[np.float64]:
+    """Return nodes (..., 5, K) with lobes of weight 0 added up to one of `sizes`."""
+    size = next(k for k in sizes if k >= nodes.shape[-1])
     out = np.ones((*nodes.shape[:-1], size))
     out[..., WEIGHT, :] = 0
     out[..., : nodes.shape[-1]] = nodes

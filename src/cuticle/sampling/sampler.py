@@ -18,7 +18,7 @@ from cuticle._support.extras import needed
 from cuticle._support.files import read_text, reading, write_text
 from cuticle._support.json_file import NUMBER, array, file_schema, parse
 from cuticle._support.values import Value
-from cuticle.sampling.families import FAMILIES, NORMAL, core_table, padded
+from cuticle.sampling.families import FAMILIES, NORMAL, PACKED, core_table, padded
 from cuticle.sampling.lobe_table import PARAMETERS, check_table
 from cuticle.scattering.bcsdf import Sample
 from cuticle.scattering.fibre import Fibre
@@ -208,7 +208,7 @@ class Sampler(Value):
     def mixture(self, theta_r: float, strands: float | None = None) -> LobeSet:
         """Return the lobes at one theta_r (radians): K of them, or 2 K between 0 and the next strand count."""
         tr = validate.number("theta_r", theta_r, -validate.HALF_PI, validate.HALF_PI, remedy=validate.RADIANS)
-        out = np.empty((2, *self.padded_nodes.shape[2:]))
+        out = np.empty((2, *padded(self.nodes).shape[2:]))
         self._double.mixture(tr, float(self._strands(strands, np.float64)), out)
         rows = out[:, :, : self.lobes] if out[1, 0].any() else out[:1, :, : self.lobes]
         return LobeSet(*np.concatenate(list(rows), axis=1))
@@ -315,8 +315,8 @@ class Sampler(Value):
 
     @property
     def padded_nodes(self) -> NDArray[np.float64]:
-        """`nodes` padded with lobes of weight 0 to 1, 2, 4, 8, 16 or 32 lobes, which fill the vectors of the C++ core."""
-        return padded(self.nodes)
+        """`nodes` padded with lobes of weight 0 to 1, 2, 4, 8, 16 or 32 lobes, which fill vectors."""
+        return padded(self.nodes, PACKED)
 
     def _table(self, dtype: Any) -> Any:
         return self._single if dtype == np.float32 else self._double
