@@ -12,6 +12,8 @@ import pytest
 from scipy import special
 
 from cuticle import Chiang, conventions
+from cuticle.reference import Submission, check
+from cuticle.reference.cases import draw
 
 LIBRARY = (
     Path(pytest.importorskip("MaterialX", reason="materialx is not installed").__file__).parent / "libraries" / "pbrlib"
@@ -86,6 +88,13 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "main"
 
 
+def said(program: Path, *columns: np.ndarray) -> np.ndarray:
+    """Return π times its response: f cos(theta_i), of longitudinal, azimuthal, ior, cuticle angle, absorption, angles."""
+    rows = [" ".join(map(repr, map(float, x))) for x in np.column_stack(np.broadcast_arrays(*columns))]
+    done = subprocess.run([str(program)], input="\n".join(rows), capture_output=True, text=True, check=True)
+    return np.pi * np.array(done.stdout.split(), float).reshape(-1, 3)
+
+
 def bessel(x: np.ndarray) -> np.ndarray:
     """exp(-x) I0(x) as MaterialX 1.39.5 has it."""
     series = sum((x * x / 4) ** i / special.factorial(i) ** 2 for i in range(10)) * np.exp(-x)
@@ -113,9 +122,7 @@ def test_f_is_that_of_materialxs_glsl(given: dict[str, Any], program: Path) -> N
     model = Chiang(**found)
     own = {**conventions.HOSTS["materialx"].defaults, **given}
     scene = [own["longitudinal"], own["azimuthal"], own["ior"], own["cuticle_angle"], *model.absorption]
-    rows = [" ".join(map(repr, [*scene, *map(float, x)])) for x in zip(ti, tr, psi_i, psi_r, strict=True)]
-    said = subprocess.run([str(program)], input="\n".join(rows), capture_output=True, text=True, check=True).stdout
-    theirs = np.pi * np.array(said.split(), float).reshape(-1, 3)
+    theirs = said(program, *np.array(scene)[:, None], ti, tr, psi_i, psi_r)
     near, phi = model.near(np.cos(psi_r)), psi_r - psi_i  # its binormal is our -s: azimuths turn the other way
     ours = np.zeros_like(theirs)
     for part, tilt, v in zip(("R", "TT", "TRT", "rest"), model.tilt, model.variance, strict=True):
@@ -127,6 +134,25 @@ def test_f_is_that_of_materialxs_glsl(given: dict[str, Any], program: Path) -> N
     seen = ours.max(axis=1) > 1e-6
     assert seen.sum() > 100
     assert np.abs(theirs[seen] / ours[seen] - 1).max() <= 2e-3  # single precision; .6931 for ln 2
+
+
+def test_the_reference_names_its_slips(program: Path) -> None:
+    pytest.importorskip("flint", reason="python-flint is not installed: pip install 'cuticle[reference]'")
+    inputs = draw("chiang", 1000, 3, near=True, longitudinal="")
+    # Its cosines are of sines in single precision, so near the poles they are rounded; where the tilt turns the light past a
+    # pole they are negative, and large ones of log I0 go to the series.
+    turned = np.abs(inputs.columns["theta_i"]) + np.radians(4 * np.abs(inputs.columns["alpha"]))
+    inputs = inputs.take((turned < 1.5) & (np.abs(inputs.columns["theta_r"]) < 1.4))
+    c = inputs.columns
+    psi_r = np.arccos(c["h"])
+    theirs = said(
+        program, c["beta_m"], c["beta_n"], c["eta"], 0.5 + c["alpha"] / 180, *inputs.sigma_a.T,
+        c["theta_i"], c["theta_r"], psi_r - c["phi"], psi_r,
+    ) / np.cos(c["theta_i"])[:, None]  # fmt: skip
+    number = np.arange(1, len(inputs) + 1)
+    found = check(Submission("materialx", inputs, theirs, np.full(len(inputs), np.nan), True, number))
+    assert not found.ok
+    assert set(found.slips) == {"tilt-of-the-light", "rest-half-pi", "widths-clamped", "log-i0-16x", "i0-10-terms"}
 
 
 def test_defaults_are_those_of_materialxs_library() -> None:

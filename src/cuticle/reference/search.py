@@ -16,7 +16,7 @@ from cuticle.reference.slips import Slip
 from cuticle.reference.tolerance import AVERAGED_SHARE, EXPLAINED, Quantity
 
 Array = NDArray[np.float64]
-MOST_TOGETHER = 4
+MOST_TOGETHER = 5
 _BEAM = 6
 _ROWS = {True: 500, False: 64}  # that hypotheses are told apart on: near field, far field
 _FINAL_ROWS = {True: 100_000, False: 400}

@@ -82,6 +82,14 @@ def variances_times(*factors: float) -> Change:
     )
 
 
+def clamped_widths(F: Formulas) -> Formulas:
+    """Clamp to .001 and 1 what is not a roughness: variances, and the logistic's s, whose scale is √(π/8) s."""
+    return replace(
+        F, variances=lambda q: [np.clip(v, 1e-3, 1) for v in F.variances(q)],
+        scale=lambda q: np.sqrt(np.pi / 8) * np.clip(F.scale(q) / np.sqrt(np.pi / 8), 1e-3, 1),
+    )  # fmt: skip
+
+
 def scale_times(by: float) -> Change:
     """Multiply D's scale."""
     return lambda F: replace(F, scale=lambda q: F.scale(q) * by)
