@@ -185,10 +185,11 @@ def strands(fibres: int) -> None:
     """Print ESS through strands like the fibre itself, of which `DualScattering` and `Strands` have tables of their own."""
     rng = np.random.default_rng(3)
     listing = table("ESS through strands, viewers within 75°")
-    for column in ("fibres", "number", "strands", "mean", "worst"):
+    for column in ("fibres", "number", "strands", "mean", "1st percentile", "worst", "at .9 or more"):
         listing.add_column(column, justify="left" if column == "fibres" else "right")
     for form in ("chiang", "marschner"):
         found: dict[int, list[float]] = {n: [] for n in (1, 2, 4, 8)}
+        told = []
         for _ in track(range(fibres), form, console=Console(stderr=True), disable=not sys.stderr.isatty()):
             fibre, single = random_fibre(form, rng)
             model = cuticle.Strands(single) if form == "chiang" else cuticle.DualScattering(fibre)
@@ -196,8 +197,13 @@ def strands(fibres: int) -> None:
             theta_r = rng.uniform(-1, 1) * np.radians(75)
             for n, ess in found.items():
                 ess.append(cuticle.measure(family.sampler_at(fibre, strands=n), model.with_strands(n), theta_r).ess)
+            told.append(f"{fibre!r}, theta_r {np.degrees(theta_r):.1f}°")
         for n, ess in found.items():
-            listing.add_row(form, str(fibres), str(n), f"{np.mean(ess):.4f}", f"{min(ess):.4f}")
+            numbers = (np.mean(ess), np.quantile(ess, 0.01), min(ess))
+            high = f"{100 * np.mean(np.array(ess) >= 0.9):.0f} %"
+            listing.add_row(form, str(fibres), str(n), *(f"{x:.4f}" for x in numbers), high)
+        for k in np.argsort(found[1])[:3]:
+            out.print(f"{form}, through one strand {found[1][k]:.4f}: {told[k]}")
     out.print(listing)
 
 
