@@ -53,7 +53,6 @@ def maps(steps: int) -> dict[str, tuple[NDArray, NDArray, NDArray]]:
     return made
 
 
-
 def picture(made: dict[str, tuple[NDArray, NDArray, NDArray]], path: Path) -> None:
     """Draw the maps: samplers side by side, what varies below one another."""
     from matplotlib.figure import Figure  # takes a second to import
