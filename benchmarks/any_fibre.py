@@ -8,7 +8,8 @@ interleaved rounds on one thread in single precision (g++ -O3 -march=native), in
 `--box N` tells the ESS of N fibres a family instead; `--falcor FILE` that of every tenth fibre and viewer of the 50,000 of
 Falcor's tests. The function is then the near field, averaged over the width by 500 Gauss-Legendre nodes: no cells, no
 tables. `--strands N`: that of N fibres a family through 1, 2, 4 and 8 strands. `--chi-square N`: whether samples of N fibres
-a family, a million of each, follow their density; all together have a false-positive rate of 1e-3 (Šidák).
+a family, a million of each, follow their density; all together have a false-positive rate of 1e-3 (Šidák). `--gaussian
+N`: how well Marschner's family samples his Gaussian form.
 """
 
 from __future__ import annotations
@@ -254,6 +255,25 @@ def audited(
     return cuticle.audit(sample, pdf, theta_r=[theta_r], samples=samples, level=level, seed=seed)
 
 
+def gaussian(fibres: int) -> None:
+    """Print how well Marschner's family samples his Gaussian form, of which N lies at theta_d, and with which weights."""
+    rng = np.random.default_rng(7)
+    ess, weights = np.empty((2, fibres)), np.empty((2, fibres))
+    for k in track(range(fibres), "gaussian", console=Console(stderr=True), disable=not sys.stderr.isatty()):
+        fibre, _ = random_fibre("marschner", rng)
+        ours, share = cuticle.family("marschner").sampler_at(fibre), rng.uniform(-1, 1)
+        for j, limit in enumerate((45, 85)):
+            q = cuticle.measure(ours, cuticle.Marschner(fibre, "gaussian"), share * np.radians(limit))
+            ess[j, k], weights[j, k] = q.ess, q.largest_weight
+    listing = table("the Gaussian form, sampled by the family")
+    for column in ("viewers", "fibres", "ESS, mean", "1st percentile", "worst", "largest weight, median", "at worst"):
+        listing.add_column(column, justify="left" if column == "viewers" else "right")
+    for limit, e, w in zip((45, 85), ess, weights, strict=True):
+        numbers = (*(f"{x:.4f}" for x in (e.mean(), np.quantile(e, 0.01), e.min())), f"{np.median(w):.3g}", f"{w.max():.3g}")
+        listing.add_row(f"within {limit}°", str(fibres), *numbers)
+    out.print(listing)
+
+
 def picture(found: dict[str, list[float]], path: Path) -> None:
     """Draw what is lost to the ideal, 1/ESS - 1, each sampler's fibres from its worst to its best."""
     from matplotlib.figure import Figure  # takes a second to import
@@ -315,7 +335,12 @@ def main() -> None:
     parser.add_argument(
         "--chi-square", type=int, metavar="N", help="test a million samples of N fibres a family, nothing else"
     )
+    parser.add_argument(
+        "--gaussian", type=int, metavar="N", help="tell how well N fibres' Gaussian form is sampled, nothing else"
+    )
     arguments = parser.parse_args()
+    if arguments.gaussian:
+        return gaussian(arguments.gaussian)
     if arguments.chi_square:
         return chi_square(arguments.chi_square)
     if arguments.strands:
