@@ -269,8 +269,12 @@ def test_the_command_writes_what_it_says(folder: Path) -> None:
         (["--family", "kajiya", "--to", "cpp", "-o", "x.h"], "one of chiang, marschner, dual_scattering; got 'kajiya'"),
         (["--family", "dual_scattering", "--to", "cpp", "-o", "x.h"], "needs --among, the mean fibre of the strands around"),
         (
-            ["--family", "dual_scattering", "--among", "brown", "--to", "glsl", "-o", "x.glsl"],
-            "glsl takes the family chiang or marschner, got 'dual_scattering'; --to cpp takes any",
+            ["--family", "dual_scattering", "--among", "brown", "--to", "pbrt", "-o", "x"],
+            "pbrt takes the family chiang, got 'dual_scattering'; --to cpp takes any",
+        ),
+        (
+            ["--family", "dual_scattering", "--among", "brown", "--to", "glsl", "-o", "x.f32"],
+            "--family dual_scattering writes two files, a text and its texture, x.f32: the text needs a name of its own",
         ),
         (["--family", "dual_scattering", "--among", "x.npz", "--to", "cpp", "-o", "x.h"], "x.npz"),
         (["--family", "dual_scattering", "--among", "grey", "--to", "cpp", "-o", "x.h"], "must be a preset ("),
@@ -296,6 +300,11 @@ def test_a_family_is_written_by_the_command(folder: Path) -> None:
     run("export", "--family", "dual_scattering", "--among", "brown", "--to", "cuda", "-o", "any.h", cwd=folder)
     mean = cuticle.Fibre.preset("brown")
     assert (folder / "any.h").read_text() == export_family("dual_scattering", "cuda", name="any", among=mean).text
+    shown = run("export", "--family", "dual_scattering", "--among", "brown", "--to", "hlsl", "-o", "hair.hlsl", cwd=folder)
+    made = export_family("dual_scattering", "hlsl", name="hair", among=mean)
+    assert ((folder / "hair.hlsl").read_text(), (folder / "hair.f32").read_bytes()) == (made.text, made.data)
+    assert len(made.data) <= 256 * 1024
+    assert "hair.f32, the texture it reads" in shown.stdout
     done = run("export", "--family", "chiang", "--to", "pbrt", "--name", "mine", "-o", "other.h", cwd=folder)
     assert "class MineHairBxDF;" in done.stdout
     assert "#include <pbrt/other.h>" in done.stdout

@@ -133,31 +133,35 @@ def cpp(form: str, folder: Path, precision: str = "float", made: Export | None =
 
 def shaded(form: str, to: str, folder: Path, browser: Any, made: Export | None = None) -> np.ndarray:
     """Both of a shader's functions, each an answer of four numbers."""
-    made = made or export_family(form, to)
+    made = made or exported(form, to)
     three, four = ("vec3", "vec4") if to == "glsl" else ("float3", "float4")
-    kinds = ["float"] * 4 if form == "chiang" else [three, three, "float", "float"]
+    kinds = ["float"] * 4 if form.endswith("chiang") else [three, three, "float", "float"]
     kinds.append(three)
     choices = []
     for k, (p, s) in enumerate(zip(fibres(form).parameters, fibres(form).sigma_a, strict=True)):
         numbers = singles(p, "")
         groups = numbers
-        if form == "marschner":
+        if form.endswith("marschner"):
             groups = [f"{three}({', '.join(g)})" for g in (numbers[:3], numbers[3:6])] + numbers[6:]
         groups = [*groups, f"{three}({', '.join(singles(s, ''))})"]
         choices.append(f"if (k == {k}) {{ {' '.join(f'p{i} = {g};' for i, g in enumerate(groups))} }}")
-    text = f"{made.text}\nFIBRE_Field field_of(int k, float theta_r) {{\n"
+    text = f"{made.text}\nFIBRE_Field field_of(int k, float theta_r, float n) {{\n"
     text += "\n".join(
         [*(f"{kind} p{i} = {kind}(0.0{', 0.0, 0.0' * (kind == three)});" for i, kind in enumerate(kinds)), *choices]
     )
-    text += "\nreturn fibre_prepare_fibre(theta_r, p0, p1, p2, p3, p4);\n}\n"
+    prepare, more = "prepare_fibre", ", n" if form in AMONG else ""
+    if BEHIND.get(form):
+        prepare, more = "prepare_among", f", n, {BEHIND[form]['behind']}, true"
+    text += f"\nreturn fibre_{prepare}(theta_r, p0, p1, p2, p3, p4{more});\n}}\n"
     text += f"{four} drawn(FIBRE_Drawn d) {{ return {four}(d.theta_i, d.phi, d.pdf, 0.0); }}\n"
-    field = "field_of(int(a.w + 0.5), a.y)"
+    field = "field_of(int(a.w + 0.5), a.y, u.w)"
     answers = [f"fibre_prepared_eval({field}, a.x, a.z)", f"drawn(fibre_prepared_sample({field}, u.xyz))"]
+    made = Export(text, 0, made.data)
     if to == "slang":
-        got = [hosts.shaded_slang(text, Export(text, 0), cases(), answer) for answer in answers]
+        got = [hosts.shaded_slang(text, made, cases(), answer) for answer in answers]
     else:
         run = hosts.shaded if to == "glsl" else hosts.shaded_hlsl
-        got = [run(text, Export(text, 0), cases(), folder, browser, asked=answer) for answer in answers]
+        got = [run(text, made, cases(), folder, browser, asked=answer) for answer in answers]
     return np.concatenate([got[0], got[1][:, :3]], axis=1)
 
 
@@ -190,7 +194,7 @@ def test_a_family_in_double_precision(form: str, tmp_path: Path) -> None:
     assert np.all((weight > 0) & (weight <= (2 if form in AMONG else 1) + 1e-6))
 
 
-@pytest.mark.parametrize("form", ["chiang", "marschner"])
+@pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("to", ["glsl", "hlsl", "slang"])
 def test_a_family_in_a_shader(form: str, to: str, browser: Any, tmp_path: Path) -> None:
     compare(form, shaded(form, to, tmp_path, browser), **SINGLE)
@@ -214,3 +218,23 @@ def test_a_wrong_number_is_caught(browser: Any, tmp_path: Path) -> None:
     wrong = Export(header.text.replace("-.0501743046f", "-.0601743046f"), 0)
     with pytest.raises(AssertionError):
         compare("chiang", cpp("chiang", tmp_path, made=wrong), **SINGLE)
+
+
+@pytest.mark.parametrize("form", AMONG)
+def test_a_wrong_number_of_the_strands_around_is_caught(form: str, browser: Any, tmp_path: Path) -> None:
+    """An energy through two strands in the texture, and a variance of the mean's in the text; as it is, it passes."""
+    made = exported(form, "glsl")
+    compare(form, shaded(form, "glsl", tmp_path, browser, made), **SINGLE)
+    around = family_of(form).around  # type: ignore[attr-defined]
+    texels = np.frombuffer(made.data, np.float32).reshape(-1, 4).copy()
+    rows = around.lobes.shape[2]
+    # TT's ln of energy in red light, at the middle rows: of an arrangement's slots the fourth is of two strands.
+    first = ((bool(BEHIND[form]) * 7 + 3) * rows + rows // 2 - 1) * 12
+    texels[[first, first + 12], 1] += 0.1
+    with pytest.raises(AssertionError):
+        compare(form, shaded(form, "glsl", tmp_path, browser, Export(made.text, 0, texels.tobytes())), **SINGLE)
+    variance = singles(around.variance, "")[0]
+    assert made.text.count(variance) == 1
+    wrong = made.text.replace(variance, f"{1.2 * float(variance)!r}")
+    with pytest.raises(AssertionError):
+        compare(form, shaded(form, "glsl", tmp_path, browser, Export(wrong, 0, made.data)), **SINGLE)

@@ -99,12 +99,14 @@ def command(
         check_frame(frame or DEFAULT_FRAME)
         name = check_name(name, to) if name is not None else _name_of(output, to)
         mean = None if among is None else _mean_fibre(among)
+        if mean is not None and host(to).textured:
+            _check_texture(output, f"--to {to} --family dual_scattering", f"{name}.{to}")
         made = export_family(family, to, frame=frame or DEFAULT_FRAME, name=name, among=mean)
         if folder:
             make_directory(output.parent)
-        write_output(output, made.text)
-        tables = f", tables of {made.table_bytes:,} bytes" if family == "dual_scattering" else ""
-        tell.print(f"wrote {output}: {len(made.text):,} characters{tables}, for any fibre", soft_wrap=True)
+        beside = _written(made, output)
+        tables = f", tables of {made.table_bytes:,} bytes" if family == "dual_scattering" and not made.data else ""
+        tell.print(f"wrote {output}{beside}: {len(made.text):,} characters{tables}, for any fibre", soft_wrap=True)
         tell.print(_lines_beside(made, name, output), end="", soft_wrap=True, markup=False, highlight=False)
         return
     assert sampler is not None
@@ -120,15 +122,8 @@ def command(
     name = check_name(name, to) if name is not None else _name_of(output, to)
     path = sampler / "sampler.json" if sampler.is_dir() else sampler
     loaded = Sampler.from_json(read_text(path, "sampler"), source=str(path))
-    values = output.with_suffix(".f32")
-    was_there = values.exists()
     if with_model and host(to).textured:
-        if output == STANDARD_OUTPUT or os.path.realpath(values).lower() == os.path.realpath(output).lower():
-            raise ValueError(
-                f"--to {to} --with-model writes two files, a text and its texture, {values.name}: the text needs a name of"
-                f" its own, such as -o {name}.{to}; got -o {output}"
-            )
-        check_file(values)
+        _check_texture(output, f"--to {to} --with-model", f"{name}.{to}")
     if to == "web":
         others = [k for k in LOBES if k != loaded.lobes]
         err.print(
@@ -140,19 +135,11 @@ def command(
         made = export(loaded, to, frame=frame, name=name, with_model=with_model, model=function, progress=progress)
     if folder:
         make_directory(output.parent)
-    if made.data:
-        write_bytes(values, made.data)
-    try:
-        write_output(output, made.text)
-    except ValueError:
-        if made.data and not was_there:
-            values.unlink()
-        raise
+    beside = _written(made, output)
     if made.table_bytes > MAX_TABLE:
         tell.print(
             f"the table has {made.table_bytes:,} bytes, more than the {MAX_TABLE:,} of a small uniform block", soft_wrap=True
         )
-    beside = f" and {values}, the texture it reads" if made.data else ""
     tell.print(
         f"wrote {output}{beside}: {len(made.text):,} characters, a table of {made.table_bytes:,} bytes", soft_wrap=True
     )
@@ -162,6 +149,37 @@ def command(
             soft_wrap=True,
         )
     tell.print(_lines_beside(made, name, output), end="", soft_wrap=True, markup=False, highlight=False)
+
+
+def _texture_of(output: Path) -> Path:
+    """Where the texture goes that a text reads."""
+    return output.with_suffix(".f32")
+
+
+def _check_texture(output: Path, asked: str, better: str) -> None:
+    """Refuse an output beside which no texture can be written."""
+    values = _texture_of(output)
+    if output == STANDARD_OUTPUT or os.path.realpath(values).lower() == os.path.realpath(output).lower():
+        raise ValueError(
+            f"{asked} writes two files, a text and its texture, {values.name}: the text needs a name of its own, such as"
+            f" -o {better}; got -o {output}"
+        )
+    check_file(values)
+
+
+def _written(made: Export, output: Path) -> str:
+    """Write a text and, where it reads one, its texture, both or neither; return how the second is told of."""
+    values = _texture_of(output)
+    was_there = values.exists()
+    if made.data:
+        write_bytes(values, made.data)
+    try:
+        write_output(output, made.text)
+    except ValueError:
+        if made.data and not was_there:
+            values.unlink()
+        raise
+    return f" and {values}, the texture it reads" if made.data else ""
 
 
 def _mean_fibre(name: str) -> Fibre | Chiang:

@@ -118,8 +118,7 @@ def export_family(
         "chiang", "marschner" or "dual_scattering", see `cuticle.family`.
     to
         "cpp", "cuda", "glsl", "hlsl" or "slang", of linear RGB; or, of "chiang", "pbrt", of its wavelengths and in its
-        frame.
-        "dual_scattering" is for "cpp" and "cuda".
+        frame. Of "dual_scattering", shaders read a texture, the result's `data`.
     frame, name
         As in `export`.
     among

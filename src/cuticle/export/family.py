@@ -13,10 +13,11 @@ from cuticle._support.version import __version__
 from cuticle.export.formulas import Printer, Vector, print_formulas
 from cuticle.export.headers import amalgamate
 from cuticle.export.registry import Export, FamilyJob, host, host_names
-from cuticle.export.shader import Dialect
+from cuticle.export.shader import TEXTURE_WIDTH, Dialect, texture_rows
 from cuticle.export.source import environment
 from cuticle.scattering.bcsdf import REC709
 from cuticle.scattering.family_among import FAMILIES, FamilyAmong
+from cuticle.scattering.mean_strands import MeanStrands
 
 # In shaders: D, the fibre's parameters, and the fibre made of them.
 _OF_SHADER = {
@@ -29,6 +30,7 @@ _OF_SHADER = {
         "marschner_fibre(alpha.x, alpha.y, alpha.z, beta.x, beta.y, beta.z, beta_n, eta)",
     ),
 }  # fmt: skip
+_EXTERNALS = {"edge": Vector("float", 2), "middle": Vector("float", 3), "model": Vector("float", 4)}
 _ABOUT = {
     "chiang": "Chiang et al. 2016, far field: beta_m and beta_n from 0.05 to 1, alpha in radians, positive toward the root.",
     "marschner": "Marschner 2003 with d'Eon's energy-conserving M: alpha, beta of R, TT, TRT in theta_h, beta_n; radians.",
@@ -70,17 +72,40 @@ def family_shader(job: FamilyJob, dialect: Dialect) -> Export:
     printer: Printer = dialect.printer(job.name)
     jinja = environment()
     azimuthal, parameters, fibre = _OF_SHADER[job.form]
+    data = b"" if job.among is None else among_texels(job.among.around).tobytes()
     values = dict(
         azimuthal=azimuthal, parameters=parameters, fibre=fibre, edges=edges, middles=middles, luminance=REC709,
-        frame=job.frame, back=["xyz"[job.frame.axes.index(a)] for a in "xyz"],
+        frame=job.frame, back=["xyz"[job.frame.axes.index(a)] for a in "xyz"], among=job.among,
+        **({} if job.among is None else _among_values(job.among, parameters)),
     )  # fmt: skip
     formulas = jinja.get_template("family.formulas.j2").render(values)
     text = jinja.get_template("family_shader.j2").render(
         values, heading=[*job.about, "", dialect.about], n=job.name, N=job.name.upper(), dialect=dialect, p=printer,
         float3=printer.type(Vector("float", 3)), float4=printer.type(Vector("float", 4)),
-        functions=print_formulas(formulas, printer, externals={"edge": Vector("float", 2), "middle": Vector("float", 3)}),
+        texture_width=TEXTURE_WIDTH, functions=print_formulas(formulas, printer, externals=_EXTERNALS),
     )  # fmt: skip
-    return Export(text, edges.nbytes + middles.nbytes)
+    return Export(text, edges.nbytes + middles.nbytes, data)
+
+
+def among_texels(around: MeanStrands) -> NDArray[np.float32]:
+    """Return the tables of the strands around as rows of texels, shape (height, width, 4): the four parts side by side."""
+    lobes, azimuth, behind = around[:3]
+    ends = np.zeros((len(behind), behind.shape[2], 4))
+    ends[..., :3] = behind.swapaxes(1, 2)
+    parts = (lobes.swapaxes(-1, -2), azimuth.swapaxes(-1, -2), ends)
+    return texture_rows(np.concatenate([p.reshape(-1, 4) for p in parts]))
+
+
+def _among_values(among: FamilyAmong, parameters: str) -> dict[str, object]:
+    """What the template asks for of the strands around; sizes are in texels."""
+    lobes, azimuth = among.around.lobes, among.around.azimuth
+    rows, azimuth_rows, columns = lobes.shape[2], azimuth.shape[2], azimuth.shape[3]
+    return dict(
+        names=", ".join(p.split()[-1] for p in parameters.split(", ")), rows=rows, azimuth_rows=azimuth_rows,
+        columns=columns, slot=12 * rows, turn_row=3 * columns, turn_slot=3 * columns * azimuth_rows,
+        first_azimuth=lobes.size // 4, first_behind=(lobes.size + azimuth.size) // 4, step=np.pi / (columns - 1),
+        limit=among.around.limit, tilt=among.around.tilt, variance=among.around.variance, d_f=among.d_f, d_b=among.d_b,
+    )  # fmt: skip
 
 
 def _cells() -> tuple[NDArray[np.float32], NDArray[np.float32]]:

@@ -10,10 +10,9 @@ from typing import Literal
 
 from cuticle.export import hosts
 from cuticle.sampling.sampler import Sampler
-from cuticle.scattering.any_fibre import FORMS
 from cuticle.scattering.bcsdf import Bcsdf
 from cuticle.scattering.compact_table import FunctionTable
-from cuticle.scattering.family_among import FamilyAmong
+from cuticle.scattering.family_among import FAMILIES, FamilyAmong
 from cuticle.scattering.fibre_tables import FibreTables
 from cuticle.scattering.frames import Frame
 from cuticle.scattering.host_tables import TOLERANCE
@@ -134,7 +133,7 @@ class Host:
     about: str
     write: Callable[[Job], Export]
     family: Callable[[FamilyJob], Export] | None = None
-    forms: tuple[str, ...] = tuple(FORMS)
+    forms: tuple[str, ...] = FAMILIES
     model: Literal["when asked", "always", "never"] = "when asked"
     tolerance: float = TOLERANCE
     tables: float = 0.5

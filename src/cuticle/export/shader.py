@@ -152,7 +152,11 @@ def model_texels(tables: Tables) -> NDArray[np.float32]:
             parts.append(tables.averages.swapaxes(1, 2))  # channels last
         if tables.rest is not None:
             parts.append(tables.rest)
-    texels = np.concatenate([p.reshape(-1, p.shape[-1]) for p in parts])
+    return texture_rows(np.concatenate([p.reshape(-1, p.shape[-1]) for p in parts]))
+
+
+def texture_rows(texels: NDArray) -> NDArray[np.float32]:
+    """Return texels, shape (count, at most 4), as the rows of a texture, shape (height, width, 4)."""
     height = -(-len(texels) // TEXTURE_WIDTH)
     out = np.zeros((height * TEXTURE_WIDTH, 4), np.float32)
     out[: len(texels), : texels.shape[1]] = texels

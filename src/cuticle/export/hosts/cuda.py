@@ -6,13 +6,11 @@ from cuticle.export.cpp_header import header
 from cuticle.export.family import family_header
 from cuticle.export.registry import Host
 from cuticle.export.reserved_words import CUDA, MACRO_PREFIXES
-from cuticle.scattering.family_among import FAMILIES
 
 HOST = Host(
     "the same for nvcc and hipcc, on the host and on a GPU",
     lambda job: header(job, cuda=True),
     lambda job: family_header(job, cuda=True),
-    FAMILIES,
     reserved=CUDA,
     reserved_prefixes=("cuda", "nv_", *MACRO_PREFIXES),
 )
