@@ -20,7 +20,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from strand_walk import quadrature, walk
 
 FIBRES = {
-    "blond, red": ("blond", 0), "blond, green": ("blond", 1), "brown, red": ("brown", 0), "marschner, σ_a .2": ("marschner", 0),
+    "blond, red": ("blond", 0), "blond, green": ("blond", 1), "brown, red": ("brown", 0),
+    "marschner, σ_a .2": ("marschner", 0),
 }  # fmt: skip
 ARRANGEMENTS = [("sheets", n) for n in (1, 2, 4, 8, 16)] + [("medium", t) for t in (0.5, 2, 8)]
 
