@@ -15,7 +15,7 @@ template <class Float> CUTICLE_HD Float gaussian(const Float &x, const Float &va
 
 // exp(-x) I0(x), x >= 0: Abramowitz and Stegun 9.8.1 and 9.8.2, relative error below 5e-7.
 // Hosts are off about x = 12: above, by ½ % where they expand log I0 and halve its 1/(8x) term; below, where they cut the
-// series off, by 2 % after nine terms and ½ % after ten.
+// series off, by 2 % after ten terms and ½ % after eleven.
 template <class Float> CUTICLE_INLINE Float i0_scaled(const Float &x) {
     const Float split = Float(3.75);
     const Float small = math::min(x, split), large = math::max(x, split);
