@@ -11,6 +11,7 @@ from cuticle import _core
 from cuticle._support import validate
 from cuticle._support.version import __version__
 from cuticle.export.formulas import Printer, Vector, print_formulas
+from cuticle.export.formulas.tree import Record
 from cuticle.export.headers import amalgamate
 from cuticle.export.registry import Export, FamilyJob, host, host_names
 from cuticle.export.shader import Dialect
@@ -77,7 +78,11 @@ def family_shader(job: FamilyJob, dialect: Dialect) -> Export:
     formulas = jinja.get_template("family.formulas.j2").render(values)
     text = jinja.get_template("family_shader.j2").render(
         values, heading=[*job.about, "", dialect.about], n=job.name, N=job.name.upper(), dialect=dialect, p=printer,
-        float3=printer.type(Vector("float", 3)), float4=printer.type(Vector("float", 4)),
+        float4=printer.type(Vector("float", 4)), two=Vector("float", 2), three=Vector("float", 3), Field=Record("Field", ()),
+        arguments=[
+            (name, Vector("float", 3 if kind == "float3" else 1), False)
+            for kind, name in map(str.split, ["float theta_r", *parameters.split(", "), "float3 sigma_a"])
+        ],
         functions=print_formulas(formulas, printer, externals={"edge": Vector("float", 2), "middle": Vector("float", 3)}),
     )  # fmt: skip
     return Export(text, edges.nbytes + middles.nbytes)
