@@ -165,11 +165,30 @@ float4 main(float4 place : SV_Position) : SV_Target {{
     return shaded(printed, made, x, folder, driver, asked)
 
 
-def spirv_of(text: str, folder: Path) -> None:
-    """Compile HLSL with a pixel shader's entry point `main` to main.spv; skip the test where its compiler is missing."""
+def hlsl_as_spirv(made: Export, x: np.ndarray, folder: Path) -> np.ndarray:
+    """What glslang's HLSL front end makes of a compute shader, on a WebGPU device: no other language is between."""
+    text = f"""
+[[vk::binding(0, 0)]] StructuredBuffer<float4> inputs;
+[[vk::binding(1, 0)]] RWStructuredBuffer<float4> answers;
+[[vk::binding(0, 1)]] Texture2D<float4> texels;
+#define FIBRE_MODEL(i) texels.Load(int3((i) % 1024, (i) / 1024, 0))
+{made.text}
+[numthreads(64, 1, 1)] void main(uint3 id : SV_DispatchThreadID) {{
+    float4 a = inputs[2 * id.x], u = inputs[2 * id.x + 1];
+    answers[id.x] = {asked_of(made, x, "float4")};
+}}
+"""
+    device = webgpu()
+    spirv_of(text, folder, stage="comp")
+    module = device.create_shader_module(code=(folder / "main.spv").read_bytes())
+    return dispatched(device, {"module": module, "entry_point": "main"}, made, x, None)
+
+
+def spirv_of(text: str, folder: Path, stage: str = "frag") -> None:
+    """Compile HLSL with an entry point `main` to main.spv; skip the test where its compiler is missing."""
     need("glslangValidator", "glslang-tools")
     (folder / "main.hlsl").write_text(text)
-    command = ["glslangValidator", "-D", "-V", "-e", "main", "-S", "frag", "-o", "main.spv", "main.hlsl"]
+    command = ["glslangValidator", "-D", "-V", "-e", "main", "-S", stage, "-o", "main.spv", "main.hlsl"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
     assert "WARNING" not in done.stdout, done.stdout

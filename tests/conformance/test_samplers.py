@@ -137,6 +137,13 @@ def test_compilers_and_their_flags(sampler: Any, x: Any, judge: Any, compiler: s
 
 
 @pytest.mark.slow
+def test_hlsl_without_another_language_between(sampler: Any, x: Any, judge: Any, tmp_path: Path) -> None:
+    name, own = sampler
+    got = hosts.hlsl_as_spirv(written(own, "hlsl"), x, tmp_path)
+    judge(f"{name}: HLSL, glslang, Vulkan", own, got, reassociates=True)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("flags", [(), ("--use_fast_math",)], ids=["O3", "fast"])
 def test_cuda(sampler: Any, x: Any, judge: Any, flags: tuple[str, ...], tmp_path: Path) -> None:
     name, own = sampler
