@@ -1,7 +1,7 @@
 """A strand's scattering by WebGPU: python examples/webgpu_strand.py [OUTPUT.png], once `pip install wgpu` is done.
 
-Left, f cos of every direction of the light, for a viewer 30 degrees off the strand's normal plane: theta_i upward, phi to the
-right. Right, a ball of such strands. Both call the functions of the exported file, which reads its tables from a texture.
+Left, f cos of every direction of the light, for a viewer 30 degrees off the strand's normal plane: theta_i upward, phi to
+the right. Right, a ball of such strands. Both call functions of the exported file, which reads its tables from a texture.
 """
 
 import sys

@@ -166,12 +166,15 @@ float4 main(float4 place : SV_Position) : SV_Target {{
 
 
 def hlsl_as_spirv(made: Export, x: np.ndarray, folder: Path) -> np.ndarray:
-    """What glslang's HLSL front end makes of a compute shader, on a WebGPU device: no other language is between."""
+    """What glslang's HLSL front end makes of a compute shader, on a WebGPU device: no other language is between.
+
+    A sampler's table is a texture, `made.data`, for the reason that `shaded_wgsl` gives.
+    """
     text = f"""
 [[vk::binding(0, 0)]] StructuredBuffer<float4> inputs;
 [[vk::binding(1, 0)]] RWStructuredBuffer<float4> answers;
 [[vk::binding(0, 1)]] Texture2D<float4> texels;
-#define FIBRE_MODEL(i) texels.Load(int3((i) % 1024, (i) / 1024, 0))
+#define FIBRE_{"TABLE" if x.shape[1] == SAMPLER else "MODEL"}(i) texels.Load(int3((i) % 1024, (i) / 1024, 0))
 {made.text}
 [numthreads(64, 1, 1)] void main(uint3 id : SV_DispatchThreadID) {{
     float4 a = inputs[2 * id.x], u = inputs[2 * id.x + 1];
