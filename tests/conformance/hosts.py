@@ -256,10 +256,21 @@ def webgpu() -> Any:
 def shaded_wgsl(shader: str, made: Export, x: np.ndarray, asked: str | None = None) -> np.ndarray:
     """Run a compute shader, an input a thread; the scattering function's texels are a texture.
 
-    Tables are variables here: software Vulkan copies a constant array whenever it is read, which takes minutes.
+    The numbers of constant tables are read from the text and go into buffers: software Vulkan copies a constant array
+    whenever it is read, and takes minutes.
     """
     device = webgpu()
-    shader = shader.replace("const fibre_", "var<private> fibre_")
+    tables: list[np.ndarray] = []
+
+    def buffered(found: re.Match[str]) -> str:
+        name, kind, length, numbers = found.groups()
+        values = np.array(re.findall(r"[-\d.e]+", re.sub(r"vec\d<f32>", "", numbers)), np.float32).reshape(int(length), -1)
+        tables.append(np.pad(values, ((0, 0), (0, values.shape[1] == 3))))  # a vec3 stands where a vec4 would
+        return f"@group(0) @binding({len(tables) + 1}) var<storage> {name}: array<{kind}>;"
+
+    shader = re.sub(r"const (\w+) = array<(.+), (\d+)>\(\n([^;]*)\n\);", buffered, shader)
+    assert tables
+    assert "const " not in shader
     text = f"""
 @group(0) @binding(0) var<storage> inputs: array<array<vec4<f32>, 2>>;
 @group(0) @binding(1) var<storage, read_write> answers: array<vec4<f32>>;
@@ -271,19 +282,26 @@ def shaded_wgsl(shader: str, made: Export, x: np.ndarray, asked: str | None = No
 }}
 """
     kernel = {"module": device.create_shader_module(code=text), "entry_point": "replay"}
-    return dispatched(device, kernel, made, x, asked)
+    return dispatched(device, kernel, made, x, asked, tables)
 
 
-def dispatched(device: Any, kernel: dict[str, Any], made: Export, x: np.ndarray, asked: str | None) -> np.ndarray:
-    """Run a kernel with inputs and answers in group 0, the scattering function's texture in group 1, 64 threads a group."""
+def dispatched(
+    device: Any,
+    kernel: dict[str, Any],
+    made: Export,
+    x: np.ndarray,
+    asked: str | None,
+    tables: list[np.ndarray] | None = None,
+) -> np.ndarray:
+    """Run a kernel, 64 threads a group: inputs, answers and tables in group 0, the scattering function's texture in 1."""
     rows = np.zeros((-(-len(x) // 64) * 64, 8), np.float32)
     rows[: len(x), : x.shape[1]] = x
     inputs = device.create_buffer_with_data(data=rows, usage="STORAGE")
     answers = device.create_buffer(size=16 * len(rows), usage="STORAGE | COPY_SRC")
-    kinds = ("read-only-storage", "storage")
+    read = [device.create_buffer_with_data(data=np.ascontiguousarray(t), usage="STORAGE") for t in tables or ()]
+    kinds = ["read-only-storage", "storage", *["read-only-storage"] * len(read)]
     entries = [{"binding": i, "visibility": "COMPUTE", "buffer": {"type": kind}} for i, kind in enumerate(kinds)]
-    bound: list[list[Any]] = [[{"buffer": inputs, "offset": 0, "size": inputs.size}]]
-    bound[0].append({"buffer": answers, "offset": 0, "size": answers.size})
+    bound: list[list[Any]] = [[{"buffer": b, "offset": 0, "size": b.size} for b in (inputs, answers, *read)]]
     layouts = [device.create_bind_group_layout(entries=entries)]
     if made.data:
         texels = np.frombuffer(made.data, np.float32).reshape(-1, 1024, 4)

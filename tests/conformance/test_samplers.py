@@ -188,7 +188,7 @@ def test_glsl_validates(sampler: Any, version: str, tmp_path: Path) -> None:
 
 
 def test_wgsl_validates(sampler: Any, tmp_path: Path) -> None:
-    """As it is written, which replaying it changes: there its tables are variables."""
+    """As it is written, which replaying it changes: there its tables are in buffers."""
     hosts.need("naga", "cargo install naga-cli")
     (tmp_path / "fibre.wgsl").write_text(written(sampler[1], "wgsl").text)
     done = subprocess.run(["naga", "fibre.wgsl"], cwd=tmp_path, capture_output=True, text=True, check=False)
