@@ -298,7 +298,7 @@ def dispatched(
     rows[: len(x), : x.shape[1]] = x
     inputs = device.create_buffer_with_data(data=rows, usage="STORAGE")
     answers = device.create_buffer(size=16 * len(rows), usage="STORAGE | COPY_SRC")
-    read = [device.create_buffer_with_data(data=np.ascontiguousarray(t), usage="STORAGE") for t in tables or ()]
+    read = [device.create_buffer_with_data(data=np.ascontiguousarray(t), usage="STORAGE") for t in tables]
     kinds = ["read-only-storage", "storage", *["read-only-storage"] * len(read)]
     entries = [{"binding": i, "visibility": "COMPUTE", "buffer": {"type": kind}} for i, kind in enumerate(kinds)]
     bound: list[list[Any]] = [[{"buffer": b, "offset": 0, "size": b.size} for b in (inputs, answers, *read)]]
