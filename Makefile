@@ -22,7 +22,7 @@ test: $(VENV)/.installed-test
 	$(SIDE_BY_SIDE) -m 'not slow and not alone'
 
 # What `make test` leaves out: the same claims over compilers, variants and seeds, long renders, and what measures time.
-test-all: $(VENV)/.installed-test $(VENV)/.installed-site $(VENV)/.installed-slang
+test-all: $(VENV)/.installed-test $(VENV)/.installed-site $(VENV)/.installed-slang $(VENV)/.installed-webgpu
 	$(SIDE_BY_SIDE) -m 'slow and not alone'
 	$(PYTEST) -m alone
 
@@ -89,6 +89,14 @@ $(VENV)/.installed-site: $(VENV)/.installed
 
 $(VENV)/.installed-slang: $(VENV)/.installed
 	$(PIP) 'slangpy>=0.43'
+	@touch $@
+
+# WebGPU, on a software Vulkan where there is no other: 150 MB with its LLVM.
+$(VENV)/.installed-webgpu: $(VENV)/.installed
+	$(PIP) 'wgpu>=0.30'
+	@if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+		{ apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends \
+			mesa-vulkan-drivers; } >/dev/null 2>&1 || echo "no Vulkan in software: tests of WGSL may be skipped"; fi
 	@touch $@
 
 $(VENV)/.installed-lint: $(VENV)/.installed

@@ -44,8 +44,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         call = getattr(item, "callspec", None)
         other = call is not None and call.params.get("variant", "scalar_rgb") != "scalar_rgb"
-        slang = call is not None and call.params.get("to") == "slang"  # its compiler is not there in `make test`
-        if other or slang or item.name in SLOW_EXAMPLES:
+        large = call is not None and call.params.get("to") in ("slang", "wgsl")  # what runs them is not there in `make test`
+        if other or large or item.name in SLOW_EXAMPLES:
             item.add_marker(pytest.mark.slow)
 
 

@@ -5,14 +5,16 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
+import sys
 from functools import cache
 from pathlib import Path
 
+import matplotlib.image
 import numpy as np
 import pytest
 
 import cuticle
-from conformance.hosts import nvcc, spirv_of
+from conformance.hosts import nvcc, spirv_of, webgpu
 from cuticle.export import export, export_family
 from cuticle.export.headers import cmake_dir
 from cuticle.export.registry import Export
@@ -320,6 +322,20 @@ def test_hlsl(brown_sampler: cuticle.Sampler, tmp_path: Path) -> None:
     main += "  float4 l = toward_light(float3(0, 0, 1), b.direction, float3(1, 0, 0), 2.0);\n"
     main += "  return float4(b.throughput, b.pdf) + l; }\n"
     spirv_of(made + block("rtx.md", "hlsl") + main, tmp_path)
+
+
+@pytest.mark.slow
+def test_webgpu(tmp_path: Path) -> None:
+    """The picture: the ring of R, TT beyond the strand, and the ball's highlight."""
+    webgpu()
+    run([sys.executable, str(ROOT / "examples" / "webgpu_strand.py"), "strand.png"], tmp_path)
+    pixels = matplotlib.image.imread(tmp_path / "strand.png")[..., :3]
+    assert pixels.shape == (512, 1024, 3)
+    ring, beyond, above, highlight = pixels[340, 200], pixels[336, 4], pixels[60, 100], pixels[220, 680]
+    assert beyond.min() > ring.max() > 0.2  # TT is the brightest, and brown
+    assert beyond[0] > beyond[2]
+    assert above.max() < 0.05
+    assert highlight.max() > 0.3
 
 
 def test_cuda(brown_sampler: cuticle.Sampler, tmp_path: Path) -> None:

@@ -49,7 +49,7 @@ def compile_and_run(source: str, folder: Path, *, compiler: str = "g++", flags: 
 
 
 def test_the_table_is_small_and_the_text_depends_on_nothing_else(document_fit: cuticle.Fit) -> None:
-    for to in ("cpp", "cuda", "glsl", "hlsl", "slang"):
+    for to in ("cpp", "cuda", "glsl", "hlsl", "metal", "slang", "wgsl"):
         made = export(document_fit.sampler, to, name="brown")
         assert made.table_bytes <= MAX_TABLE
         again = export(cuticle.Sampler.from_json(document_fit.sampler.to_json()), to, name="brown")
@@ -240,7 +240,7 @@ def test_the_command_writes_what_it_says(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["sampler.json", "--to", "rust", "-o", "x.rs"], "must be one of cpp, cuda, glsl, hlsl, json, pbrt, slang, web;"),
+        (["sampler.json", "--to", "rust", "-o", "x.rs"], "cpp, cuda, glsl, hlsl, json, metal, pbrt, slang, web, wgsl;"),
         (["sampler.json", "-o", "x.h"], "--to must say for which host"),
         (["sampler.json", "--to", "cpp", "-o", "missing/x.h"], "cannot write to missing"),
         (["sampler.json", "--to", "cpp", "-o", "."], "it is a folder"),
@@ -279,7 +279,7 @@ def test_the_command_writes_what_it_says(folder: Path) -> None:
         (["--family", "dual_scattering", "--among", "x.npz", "--to", "cpp", "-o", "x.h"], "x.npz"),
         (["--family", "dual_scattering", "--among", "grey", "--to", "cpp", "-o", "x.h"], "must be a preset ("),
         (["--family", "chiang", "--among", "brown", "--to", "cpp", "-o", "x.h"], "--among does nothing without --family"),
-        (["--family", "chiang", "--to", "web", "-o", "x.h"], "one of cpp, cuda, glsl, hlsl, pbrt, slang; got 'web'"),
+        (["--family", "chiang", "--to", "web", "-o", "x.h"], "glsl, hlsl, metal, pbrt, slang, wgsl; got 'web'"),
         (["--family", "marschner", "--to", "pbrt", "-o", "x"], "pbrt takes the family chiang"),
         (["--family", "chiang", "--to", "cpp", "--with-model", "-o", "x.h"], "--with-model does nothing with --family"),
         (["sampler.json", "--to", "json", "--with-model", "-o", "x.json"], "leave --with-model out"),

@@ -125,13 +125,13 @@ def shaded(
     return out if asked or x.shape[1] == SAMPLER else out[:, : made.model.channels]  # type: ignore[union-attr]
 
 
-def asked_of(made: Export, x: np.ndarray, four: str) -> str:
-    """What a shader returns of an input, in a language whose vector of four numbers is `four`."""
+def asked_of(made: Export, x: np.ndarray, four: str, texture: str = "") -> str:
+    """What a shader returns of an input; `four`: its vector of four numbers; `texture`: what the model is given last."""
     if x.shape[1] == SAMPLER:
         return f"{four}(fibre_pdf(a.x, a.y, a.z, a.w), fibre_sample(a.y, u.xyz, a.w))"
     assert made.model is not None
     call = "fibre_eval(a.x, a.y, a.z, a.w" if x.shape[1] == EVAL else "fibre_eval_around(a.x, a.y, a.z, a.w, u.x, u.y > 0.0"
-    return f"{four}({call})" + ", 0.0" * (4 - made.model.channels) + ")"
+    return f"{four}({call}{texture})" + ", 0.0" * (4 - made.model.channels) + ")"
 
 
 def glsl(made: Export, x: np.ndarray, folder: Path, driver: Any) -> np.ndarray:
@@ -165,11 +165,33 @@ float4 main(float4 place : SV_Position) : SV_Target {{
     return shaded(printed, made, x, folder, driver, asked)
 
 
-def spirv_of(text: str, folder: Path) -> None:
-    """Compile HLSL with a pixel shader's entry point `main` to main.spv; skip the test where its compiler is missing."""
+def hlsl_as_spirv(made: Export, x: np.ndarray, folder: Path) -> np.ndarray:
+    """What glslang's HLSL front end makes of a compute shader, on a WebGPU device: no other language is between.
+
+    A sampler's table is a texture, `made.data`, for the reason that `shaded_wgsl` gives.
+    """
+    text = f"""
+[[vk::binding(0, 0)]] StructuredBuffer<float4> inputs;
+[[vk::binding(1, 0)]] RWStructuredBuffer<float4> answers;
+[[vk::binding(0, 1)]] Texture2D<float4> texels;
+#define FIBRE_{"TABLE" if x.shape[1] == SAMPLER else "MODEL"}(i) texels.Load(int3((i) % 1024, (i) / 1024, 0))
+{made.text}
+[numthreads(64, 1, 1)] void main(uint3 id : SV_DispatchThreadID) {{
+    float4 a = inputs[2 * id.x], u = inputs[2 * id.x + 1];
+    answers[id.x] = {asked_of(made, x, "float4")};
+}}
+"""
+    device = webgpu()
+    spirv_of(text, folder, stage="comp")
+    module = device.create_shader_module(code=(folder / "main.spv").read_bytes())
+    return dispatched(device, {"module": module, "entry_point": "main"}, made, x, None)
+
+
+def spirv_of(text: str, folder: Path, stage: str = "frag") -> None:
+    """Compile HLSL with an entry point `main` to main.spv; skip the test where its compiler is missing."""
     need("glslangValidator", "glslang-tools")
     (folder / "main.hlsl").write_text(text)
-    command = ["glslangValidator", "-D", "-V", "-e", "main", "-S", "frag", "-o", "main.spv", "main.hlsl"]
+    command = ["glslangValidator", "-D", "-V", "-e", "main", "-S", stage, "-o", "main.spv", "main.hlsl"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
     assert "WARNING" not in done.stdout, done.stdout
@@ -217,6 +239,133 @@ RWStructuredBuffer<float> answers;
     return got if asked or x.shape[1] == SAMPLER else got[:, : made.model.channels]  # type: ignore[union-attr]
 
 
+def wgsl(made: Export, x: np.ndarray, folder: Path, driver: Any) -> np.ndarray:
+    """On a WebGPU device: a software Vulkan will do."""
+    return shaded_wgsl(made.text, made, x)
+
+
+def webgpu() -> Any:
+    """A WebGPU device; the test is skipped where there is none."""
+    wgpu = pytest.importorskip("wgpu", reason="wgpu is not installed: pip install wgpu")
+    adapters = [a for a in wgpu.gpu.enumerate_adapters_sync() if a.info["backend_type"] in ("Vulkan", "Metal", "D3D12")]
+    if not adapters:
+        pytest.skip("no Vulkan device (Debian, in software: apt-get install mesa-vulkan-drivers)")
+    return adapters[0].request_device_sync()
+
+
+def shaded_wgsl(shader: str, made: Export, x: np.ndarray, asked: str | None = None) -> np.ndarray:
+    """Run a compute shader, an input a thread; the scattering function's texels are a texture.
+
+    The numbers of constant tables are read from the text and go into buffers: software Vulkan copies a constant array
+    whenever it is read, and takes minutes.
+    """
+    device = webgpu()
+    tables: list[np.ndarray] = []
+
+    def buffered(found: re.Match[str]) -> str:
+        name, kind, length, numbers = found.groups()
+        values = np.array(re.findall(r"[-\d.e]+", re.sub(r"vec\d<f32>", "", numbers)), np.float32).reshape(int(length), -1)
+        tables.append(np.pad(values, ((0, 0), (0, values.shape[1] == 3))))  # a vec3 stands where a vec4 would
+        return f"@group(0) @binding({len(tables) + 1}) var<storage> {name}: array<{kind}>;"
+
+    shader = re.sub(r"const (\w+) = array<(.+), (\d+)>\(\n([^;]*)\n\);", buffered, shader)
+    assert tables
+    assert "const " not in shader
+    text = f"""
+@group(0) @binding(0) var<storage> inputs: array<array<vec4<f32>, 2>>;
+@group(0) @binding(1) var<storage, read_write> answers: array<vec4<f32>>;
+{shader}
+@compute @workgroup_size(64) fn replay(@builtin(global_invocation_id) id: vec3<u32>) {{
+    let a = inputs[id.x][0];
+    let u = inputs[id.x][1];
+    answers[id.x] = {asked or asked_of(made, x, "vec4<f32>")};
+}}
+"""
+    kernel = {"module": device.create_shader_module(code=text), "entry_point": "replay"}
+    return dispatched(device, kernel, made, x, asked, tables)
+
+
+def dispatched(
+    device: Any,
+    kernel: dict[str, Any],
+    made: Export,
+    x: np.ndarray,
+    asked: str | None,
+    tables: list[np.ndarray] | None = None,
+) -> np.ndarray:
+    """Run a kernel, 64 threads a group: inputs, answers and tables in group 0, the scattering function's texture in 1."""
+    rows = np.zeros((-(-len(x) // 64) * 64, 8), np.float32)
+    rows[: len(x), : x.shape[1]] = x
+    inputs = device.create_buffer_with_data(data=rows, usage="STORAGE")
+    answers = device.create_buffer(size=16 * len(rows), usage="STORAGE | COPY_SRC")
+    read = [device.create_buffer_with_data(data=np.ascontiguousarray(t), usage="STORAGE") for t in tables]
+    kinds = ["read-only-storage", "storage", *["read-only-storage"] * len(read)]
+    entries = [{"binding": i, "visibility": "COMPUTE", "buffer": {"type": kind}} for i, kind in enumerate(kinds)]
+    bound: list[list[Any]] = [[{"buffer": b, "offset": 0, "size": b.size} for b in (inputs, answers, *read)]]
+    layouts = [device.create_bind_group_layout(entries=entries)]
+    if made.data:
+        texels = np.frombuffer(made.data, np.float32).reshape(-1, 1024, 4)
+        size = (1024, len(texels), 1)
+        texture = device.create_texture(size=size, format="rgba32float", usage="TEXTURE_BINDING | COPY_DST")
+        device.queue.write_texture({"texture": texture}, texels, {"bytes_per_row": 16 * 1024}, size)
+        kind = {"binding": 0, "visibility": "COMPUTE", "texture": {"sample_type": "unfilterable-float"}}
+        layouts.append(device.create_bind_group_layout(entries=[kind]))
+        bound.append([texture.create_view()])
+    pipeline = device.create_compute_pipeline(
+        layout=device.create_pipeline_layout(bind_group_layouts=layouts), compute=kernel
+    )
+    encoder = device.create_command_encoder()
+    work = encoder.begin_compute_pass()
+    work.set_pipeline(pipeline)
+    for i, (layout, resources) in enumerate(zip(layouts, bound, strict=True)):
+        given = [{"binding": k, "resource": r} for k, r in enumerate(resources)]
+        work.set_bind_group(i, device.create_bind_group(layout=layout, entries=given))
+    work.dispatch_workgroups(len(rows) // 64)
+    work.end()
+    device.queue.submit([encoder.finish()])
+    got = np.frombuffer(device.queue.read_buffer(answers), np.float32).reshape(-1, 4)[: len(x)].astype(float)
+    return got if asked or x.shape[1] == SAMPLER else got[:, : made.model.channels]  # type: ignore[union-attr]
+
+
+def metal(made: Export, x: np.ndarray, folder: Path, driver: Any) -> np.ndarray:
+    """By a C++ compiler, with a stand-in for Metal's library: Apple's own is not needed."""
+    return shaded_metal(made.text, made, x, folder)
+
+
+def shaded_metal(shader: str, made: Export, x: np.ndarray, folder: Path, asked: str | None = None) -> np.ndarray:
+    """Compile a shader as C++14 for the CPU, and run it over the inputs, an input a call."""
+    need("g++")
+    asked = asked or asked_of(made, x, "float4", ", model").replace("0.0", "0.0f")
+    text = f"""
+#include <cstdio>
+{shader}
+int main() {{
+    static float rows[{len(x)}][8], texels[{max(len(made.data) // 4, 4)}];
+    FILE *in = std::fopen("inputs", "rb"), *out = std::fopen("outputs", "wb");
+    if (std::fread(rows, sizeof rows, 1, in) + std::fread(texels, 1, sizeof texels, in) == 0) return 1;
+    const metal::texture2d<float> model{{reinterpret_cast<const float4 *>(texels), 1024}};
+    (void)model;
+    for (const float *v : rows) {{
+        const float4 a(v[0], v[1], v[2], v[3]), u(v[4], v[5], v[6], v[7]);
+        const float4 answer = {asked};
+        std::fwrite(&answer, sizeof answer, 1, out);
+    }}
+    return std::fclose(out);
+}}
+"""
+    (folder / "main.cpp").write_text(text)
+    rows = np.zeros((len(x), 8), "<f4")
+    rows[:, : x.shape[1]] = x
+    (folder / "inputs").write_bytes(rows.tobytes() + made.data)
+    warnings = ["-Wall", "-Wdouble-promotion", "-Wfloat-conversion", "-Werror", "-isystem", str(PROGRAM.parent / "hosts")]
+    command = ["g++", "-std=c++14", "-O1", *warnings, "main.cpp", "-o", "replay"]
+    built = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=False)
+    assert built.returncode == 0, built.stderr
+    subprocess.run(["./replay"], cwd=folder, timeout=120, check=True)
+    got = np.fromfile(folder / "outputs", "<f4").reshape(-1, 4).astype(float)
+    return got if made.model is None or x.shape[1] == SAMPLER else got[:, : made.model.channels]
+
+
 def read_back(made: Export, x: np.ndarray, folder: Path, driver: Any) -> np.ndarray:
     """The sampler's file, by Python in single precision."""
     return python(Sampler.from_json(made.text), x)
@@ -232,7 +381,8 @@ def python(sampler: Sampler, x: np.ndarray) -> np.ndarray:
 def need(tool: str, package: str = "") -> None:
     """Skip the test where a program is missing."""
     if shutil.which(tool) is None:
-        pytest.skip(f"{tool} is not installed (Debian: apt-get install {package or tool})")
+        how = package if " " in package else f"Debian: apt-get install {package or tool}"
+        pytest.skip(f"{tool} is not installed ({how})")
 
 
 # web: its shaders are GLSL's, and tests/test_web.py reads them back. pbrt: its core is that of cpp; tests/test_examples.py
@@ -243,5 +393,7 @@ HOSTS = {
     "glsl": Run(glsl, reassociates=True),
     "hlsl": Run(hlsl, reassociates=True),
     "json": Run(read_back),
+    "metal": Run(metal),
     "slang": Run(slang, reassociates=True),
+    "wgsl": Run(wgsl, reassociates=True),
 }

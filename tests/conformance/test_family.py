@@ -134,34 +134,53 @@ def cpp(form: str, folder: Path, precision: str = "float", made: Export | None =
 def shaded(form: str, to: str, folder: Path, browser: Any, made: Export | None = None) -> np.ndarray:
     """Both of a shader's functions, each an answer of four numbers."""
     made = made or exported(form, to)
-    three, four = ("vec3", "vec4") if to == "glsl" else ("float3", "float4")
-    kinds = ["float"] * 4 if form.endswith("chiang") else [three, three, "float", "float"]
+    one, three, four, whole = {
+        "glsl": ("float", "vec3", "vec4", "int"), "wgsl": ("f32", "vec3<f32>", "vec4<f32>", "i32")
+    }.get(to, ("float", "float3", "float4", "int"))  # fmt: skip
+    reads = form in AMONG and to == "metal"  # the texture is an argument
+    texture, given = ({"model_": "FIBRE_TEXTURE"}, ", model_") if reads else ({}, "")
+
+    def function(result: str, name: str, parameters: dict[str, str], body: str) -> str:
+        if to == "wgsl":
+            return f"fn {name}({', '.join(f'{n}: {t}' for n, t in parameters.items())}) -> {result} {{\n{body}\n}}\n"
+        return f"{result} {name}({', '.join(f'{t} {n}' for n, t in parameters.items())}) {{\n{body}\n}}\n"
+
+    suffix = "f" if to == "metal" else ""
+    kinds = [one] * 4 if form.endswith("chiang") else [three, three, one, one]
     kinds.append(three)
     choices = []
     for k, (p, s) in enumerate(zip(fibres(form).parameters, fibres(form).sigma_a, strict=True)):
-        numbers = singles(p, "")
+        numbers = singles(p, suffix)
         groups = numbers
         if form.endswith("marschner"):
             groups = [f"{three}({', '.join(g)})" for g in (numbers[:3], numbers[3:6])] + numbers[6:]
-        groups = [*groups, f"{three}({', '.join(singles(s, ''))})"]
+        groups = [*groups, f"{three}({', '.join(singles(s, suffix))})"]
         choices.append(f"if (k == {k}) {{ {' '.join(f'p{i} = {g};' for i, g in enumerate(groups))} }}")
-    text = f"{made.text}\nFIBRE_Field field_of(int k, float theta_r, float n) {{\n"
-    text += "\n".join(
-        [*(f"{kind} p{i} = {kind}(0.0{', 0.0, 0.0' * (kind == three)});" for i, kind in enumerate(kinds)), *choices]
-    )
+    begin = [
+        f"{'var' if to == 'wgsl' else kind} p{i} = {kind}(0.0{', 0.0, 0.0' * (kind == three)});"
+        for i, kind in enumerate(kinds)
+    ]
     prepare, more = "prepare_fibre", ", n" if form in AMONG else ""
     if BEHIND.get(form):
-        prepare, more = "prepare_among", f", n, {BEHIND[form]['behind']}, true"
-    text += f"\nreturn fibre_{prepare}(theta_r, p0, p1, p2, p3, p4{more});\n}}\n"
-    text += f"{four} drawn(FIBRE_Drawn d) {{ return {four}(d.theta_i, d.phi, d.pdf, 0.0); }}\n"
-    field = "field_of(int(a.w + 0.5), a.y, u.w)"
-    answers = [f"fibre_prepared_eval({field}, a.x, a.z)", f"drawn(fibre_prepared_sample({field}, u.xyz))"]
+        prepare, more = "prepare_among", f", n, {BEHIND[form]['behind']}{suffix}, true"
+    body = "\n".join([*begin, *choices, f"return fibre_{prepare}(theta_r, p0, p1, p2, p3, p4{more}{given});"])
+    text = made.text + "\n"
+    text += function("FIBRE_Field", "field_of", {"k": whole, "theta_r": one, "n": one, **texture}, body)
+    text += function(four, "drawn", {"d": "FIBRE_Drawn"}, f"return {four}(d.theta_i, d.phi, d.pdf, 0.0);")
+    given = given.replace("model_", "model")
+    field = f"field_of({whole}(a.w + 0.5{suffix}), a.y, u.w{given})"
+    answers = [
+        f"fibre_prepared_eval({field}, a.x, a.z{given})", f"drawn(fibre_prepared_sample({field}, u.xyz{given}))"
+    ]  # fmt: skip
     made = Export(text, 0, made.data)
-    if to == "slang":
-        got = [hosts.shaded_slang(text, made, cases(), answer) for answer in answers]
+    if to in ("slang", "wgsl"):
+        run = hosts.shaded_slang if to == "slang" else hosts.shaded_wgsl
+        got = [run(text, made, cases(), answer) for answer in answers]
+    elif to == "metal":
+        got = [hosts.shaded_metal(text, made, cases(), folder, answer) for answer in answers]
     else:
-        run = hosts.shaded if to == "glsl" else hosts.shaded_hlsl
-        got = [run(text, made, cases(), folder, browser, asked=answer) for answer in answers]
+        run_in = hosts.shaded if to == "glsl" else hosts.shaded_hlsl
+        got = [run_in(text, made, cases(), folder, browser, asked=answer) for answer in answers]
     return np.concatenate([got[0], got[1][:, :3]], axis=1)
 
 
@@ -195,7 +214,7 @@ def test_a_family_in_double_precision(form: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("to", ["glsl", "hlsl", "slang"])
+@pytest.mark.parametrize("to", ["glsl", "hlsl", "metal", "slang", "wgsl"])
 def test_a_family_in_a_shader(form: str, to: str, browser: Any, tmp_path: Path) -> None:
     compare(form, shaded(form, to, tmp_path, browser), **SINGLE)
 

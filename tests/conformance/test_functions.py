@@ -124,6 +124,13 @@ def test_f_among_strands_that_are_random_or_have_an_end(kind: str, to: str, brow
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
+def test_f_in_hlsl_without_another_language_between(kind: str, tmp_path: Path) -> None:
+    x = cases(False)
+    np.testing.assert_allclose(hosts.hlsl_as_spirv(written(kind, "hlsl"), x, tmp_path), expected(kind, x), **SINGLE)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("to", ["cpp", "cuda"])
 def test_f_in_double_precision(kind: str, to: str, tmp_path: Path) -> None:
     x = cases(False)

@@ -18,6 +18,7 @@ from conformance import hosts, replay
 from conformance.hosts import HOSTS
 from cuticle.export import formulas, headers, registry
 from cuticle.export.registry import Export, Job
+from cuticle.export.shader import TEXTURE_WIDTH, lobe_texels
 from cuticle.scattering.frames import FRAMES
 
 COUNTS = (0.0, 1.0, 2.0, 4.0, 8.0)
@@ -29,6 +30,7 @@ BROKEN = {
     "erf": ("1.12837911", "1.12857911"),
     "node": ("theta_r * Float(1 / pi<double>) + Float(.5)", "theta_r * Float(1 / pi<double>) + Float(.5001)"),
 }
+NODE_OF_METAL = ("theta_r * 0.31830987f + 0.5f", "theta_r * 0.31830987f + 0.5001f")
 NODE_OF_SHADERS = ("theta_r * 0.31830987 + 0.5", "theta_r * 0.31830987 + 0.5001")
 
 
@@ -136,6 +138,16 @@ def test_compilers_and_their_flags(sampler: Any, x: Any, judge: Any, compiler: s
 
 
 @pytest.mark.slow
+def test_hlsl_without_another_language_between(sampler: Any, x: Any, judge: Any, tmp_path: Path) -> None:
+    name, own = sampler
+    table = lobe_texels(own).reshape(-1, 4)
+    rows = np.zeros((-(-len(table) // TEXTURE_WIDTH) * TEXTURE_WIDTH, 4), np.float32)
+    rows[: len(table)] = table
+    got = hosts.hlsl_as_spirv(replace(written(own, "hlsl"), data=rows.tobytes()), x, tmp_path)
+    judge(f"{name}: HLSL, glslang, Vulkan", own, got, reassociates=True)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("flags", [(), ("--use_fast_math",)], ids=["O3", "fast"])
 def test_cuda(sampler: Any, x: Any, judge: Any, flags: tuple[str, ...], tmp_path: Path) -> None:
     name, own = sampler
@@ -175,7 +187,17 @@ def test_glsl_validates(sampler: Any, version: str, tmp_path: Path) -> None:
     assert "WARNING" not in done.stdout
 
 
-@pytest.mark.parametrize("to", ["cpp", "glsl", *(pytest.param(to, marks=pytest.mark.slow) for to in ("hlsl", "slang"))])
+def test_wgsl_validates(sampler: Any, tmp_path: Path) -> None:
+    """As it is written, which replaying it changes: there its tables are in buffers."""
+    hosts.need("naga", "cargo install naga-cli")
+    (tmp_path / "fibre.wgsl").write_text(written(sampler[1], "wgsl").text)
+    done = subprocess.run(["naga", "fibre.wgsl"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    "to", ["cpp", "glsl", "metal", *(pytest.param(to, marks=pytest.mark.slow) for to in ("hlsl", "slang", "wgsl"))]
+)
 def test_another_family_of_lobes(to: str, x: Any, document_fit: Any, browser: Any, tmp_path: Path) -> None:
     """The same table read as logistic lobes."""
     sampler = replace(document_fit.sampler, family="logistic")
@@ -195,7 +217,9 @@ def test_another_family_of_lobes(to: str, x: Any, document_fit: Any, browser: An
 @pytest.mark.parametrize(("to", "name"), [(to, name) for to in HOSTS if to != "json" for name in BROKEN])
 def test_a_wrong_constant_is_caught(to: str, name: str, x: Any, document_fit: Any, browser: Any, tmp_path: Path) -> None:
     """In what is exported."""
-    right, wrong = NODE_OF_SHADERS if name == "node" and to in ("glsl", "hlsl", "slang") else BROKEN[name]
+    right, wrong = BROKEN[name]
+    if name == "node" and to in ("glsl", "hlsl", "metal", "slang", "wgsl"):
+        right, wrong = NODE_OF_METAL if to == "metal" else NODE_OF_SHADERS
     made = written(document_fit.sampler, to)
     assert right in made.text
     host = HOSTS[to]

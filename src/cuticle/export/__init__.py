@@ -51,7 +51,7 @@ def export(
         The sampler.
     to
         "cpp" and "cuda": C++17 with the core's headers in it, for float and double, on the host and on a GPU. "glsl": for
-        GLSL ES 3.00 and 4.50, without loops of varying length; "hlsl", "slang": the same in HLSL and Slang. "json": the
+        GLSL ES 3.00 and 4.50, without loops of varying length; "hlsl", "metal", "slang", "wgsl": the same. "json": the
         sampler's file. "web": a page in which to turn viewer, strands and number of lobes.
     frame
         Whose local frame the functions that take directions are written for: pbrt, mitsuba, local-x, local-y, local-z.
@@ -117,8 +117,8 @@ def export_family(
     form
         "chiang", "marschner" or "dual_scattering", see `cuticle.family`.
     to
-        "cpp", "cuda", "glsl", "hlsl" or "slang", of linear RGB; or, of "chiang", "pbrt", of its wavelengths and in its
-        frame. Of "dual_scattering", shaders read a texture, the result's `data`.
+        "cpp", "cuda", "glsl", "hlsl", "metal", "slang" or "wgsl", of linear RGB; or, of "chiang", "pbrt", of its
+        wavelengths and in its frame. Of "dual_scattering", shaders read a texture, the result's `data`.
     frame, name
         As in `export`.
     among

@@ -11,6 +11,7 @@ from cuticle import _core
 from cuticle._support import validate
 from cuticle._support.version import __version__
 from cuticle.export.formulas import Printer, Vector, print_formulas
+from cuticle.export.formulas.tree import Record
 from cuticle.export.headers import amalgamate
 from cuticle.export.registry import Export, FamilyJob, host, host_names
 from cuticle.export.shader import TEXTURE_WIDTH, Dialect, texture_rows
@@ -71,6 +72,7 @@ def family_shader(job: FamilyJob, dialect: Dialect) -> Export:
     edges, middles = _cells()
     printer: Printer = dialect.printer(job.name)
     jinja = environment()
+    among = [] if job.among is None else ["float strands"]
     azimuthal, parameters, fibre = _OF_SHADER[job.form]
     data = b"" if job.among is None else among_texels(job.among.around).tobytes()
     values = dict(
@@ -81,8 +83,13 @@ def family_shader(job: FamilyJob, dialect: Dialect) -> Export:
     formulas = jinja.get_template("family.formulas.j2").render(values)
     text = jinja.get_template("family_shader.j2").render(
         values, heading=[*job.about, "", dialect.about], n=job.name, N=job.name.upper(), dialect=dialect, p=printer,
-        float3=printer.type(Vector("float", 3)), float4=printer.type(Vector("float", 4)),
-        texture_width=TEXTURE_WIDTH, functions=print_formulas(formulas, printer, externals=_EXTERNALS),
+        texture_width=TEXTURE_WIDTH, float4=Vector("float", 4), two=Vector("float", 2), three=Vector("float", 3),
+        Field=Record("Field", ()),
+        arguments=[
+            (name, Vector("float", 3 if kind == "float3" else 1), False)
+            for kind, name in map(str.split, ["float theta_r", *parameters.split(", "), "float3 sigma_a", *among])
+        ],
+        functions=print_formulas(formulas, printer, externals=_EXTERNALS),
     )  # fmt: skip
     return Export(text, edges.nbytes + middles.nbytes, data)
 

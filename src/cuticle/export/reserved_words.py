@@ -3,7 +3,8 @@
 Sources: C++23 [lex.key], [reserved.names], [zombie.names]; the C library's functions, which implementations declare
 outside `std`, too; the CUDA C++ Programming Guide's extensions; pbrt-v4's sources; GLSL 4.60 and GLSL ES 3.20,
 section 3.6; the HLSL reference's keywords and reserved words; the Slang
-language reference.
+language reference; WGSL, sections 15.1 and 15.2; the Metal
+Shading Language Specification.
 """
 
 from __future__ import annotations
@@ -64,6 +65,24 @@ _HLSL = """
     triangleadj true try typedef typename uint uniform union unorm unsigned using vector vertexfragment virtual void
     volatile while
 """
+_WGSL = """
+    alias break case const const_assert continue continuing default diagnostic discard else enable false fn for if let loop
+    override requires return struct switch true var while
+    NULL Self abstract active alignas alignof as asm asm_fragment async attribute auto await become binding_array cast catch
+    class co_await co_return co_yield coherent column_major common compile compile_fragment concept const_cast consteval
+    constexpr constinit crate debugger decltype delete demote demote_to_helper do dynamic_cast enum explicit export extends
+    extern external fallthrough filter final finally friend from fxgroup get goto groupshared highp impl implements import
+    inline instanceof interface layout lowp macro macro_rules match mediump meta mod module move mut mutable namespace new
+    nil noexcept noinline nointerpolation non_coherent noncoherent noperspective null nullptr of operator package packoffset
+    partition pass patch pixelfragment precise precision premerge priv protected pub public readonly ref regardless register
+    reinterpret_cast require resource restrict self set shared sizeof smooth snorm static static_assert static_cast std
+    subroutine super target template this thread_local throw trait try type typedef typeid typename typeof union unless
+    unorm unsafe unsized use using varying virtual volatile wgsl where with writeonly yield
+"""
+_METAL = """
+    constant device fragment half intersection kernel mesh metal object object_data patch_control_point ray_data sampler
+    simd texture texture2d thread threadgroup threadgroup_imageblock uchar uint ulong ushort vertex visible
+"""
 _NUMBERS = {f"{kind}{n}" for kind in ("bool", "int", "uint", "half", "float", "double") for n in (1, 2, 3, 4)}
 _MATRICES = {
     f"{kind}{m}x{n}" for kind in ("bool", "int", "uint", "half", "float", "double") for m in range(1, 5) for n in range(1, 5)
@@ -96,3 +115,5 @@ PBRT = CPP | frozenset(_PBRT.split())
 GLSL = frozenset(_GLSL.split())
 HLSL = frozenset(_HLSL.split()) | _NUMBERS | _MATRICES
 SLANG = HLSL | frozenset(_SLANG.split())
+WGSL = frozenset(_WGSL.split())
+METAL = frozenset((_C + _CPP + _METAL).split()) | _NUMBERS | _MATRICES | {"std"}

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cuticle.export.formulas import FLOAT, Printer, Vector, headers, print_formulas
+from cuticle.export.formulas.tree import BOOL, Record, Type
 from cuticle.export.literals import singles
 from cuticle.export.registry import Export, Job, Tables
 from cuticle.export.source import environment
@@ -25,13 +26,34 @@ TEXTURE_WIDTH = 1024  # every device of OpenGL ES 3.0 has 2048
 
 @dataclass(frozen=True)
 class Dialect:
-    """A shading language: its printer, its name, what a file says of it, how a texture is declared and a texel fetched."""
+    """A shading language.
+
+    Attributes
+    ----------
+    printer
+        Its printer.
+    name
+        Its name, as an include guard ends.
+    about
+        What a file says of it.
+    texture, fetch
+        How a texture is declared, and its i-th texel fetched.
+    replaced
+        How a user puts something else in place of NAME_TABLE and its kin.
+    prelude
+        What a file begins with.
+    model
+        What is said of the texture.
+    """
 
     printer: type[Printer]
     name: str
     about: str
     texture: str
     fetch: str
+    replaced: str = "define {} before this file"
+    prelude: str = ""
+    model: str = "The scattering function reads a texture, {}_model"
 
 
 def shader(job: Job, dialect: Dialect, *, inline: bool = True) -> Export:
@@ -58,10 +80,11 @@ def shader(job: Job, dialect: Dialect, *, inline: bool = True) -> Export:
     jinja = environment()
     names = ("sampler", "model") if tables is not None else ("sampler",)
     text = "".join(jinja.get_template(f"{part}.formulas.j2").render(values) for part in names)
+    functions = print_formulas(text, printer, types=types, externals=externals)  # after which heads are known
     file = jinja.get_template("shader.j2").render(
         values, heading=_heading(job, dialect, printer), n=name, N=name.upper(), dialect=dialect, p=printer,
-        texels=texels if inline else texels[:0], energy=sampler.energy[:2], texture_width=TEXTURE_WIDTH,
-        functions=print_formulas(text, printer, types=types, externals=externals),
+        texels=texels if inline else texels[:0], energy=sampler.energy[:2], texture_width=TEXTURE_WIDTH, FLOAT=FLOAT,
+        float4=Vector("float", 4), functions=functions,
     )  # fmt: skip
     return Export(file, texels.nbytes + sampler.energy.size * 4, data, tables)
 
@@ -83,46 +106,51 @@ def _lobe_values(job: Job, texels: NDArray[np.float32]) -> dict[str, object]:
 def _heading(job: Job, dialect: Dialect, p: Printer) -> list[str]:
     """What a file says of itself: which sampler it is, and how its functions are called."""
     n, tables = job.name, job.tables
-    three, four = p.type(Vector("float", 3)), p.type(Vector("float", 4))
+    three, four = Vector("float", 3), Vector("float", 4)
     single = len(job.sampler.strands) == 1
-    viewer, light = job.frame.viewer, job.frame.light
+    angles, strands, u = "theta_i theta_r phi", "strands", ("u", three, False)
+
+    def call(result: Type, name: str, *parameters: str | tuple[str, Type, bool]) -> str:
+        """A function's head; numbers by their names alone."""
+        numbers = [[(x, FLOAT, False) for x in p.split()] if isinstance(p, str) else [p] for p in parameters]
+        return p.signature(result, name, [x for group in numbers for x in group])
+
+    viewer, light = (job.frame.viewer, three, False), (job.frame.light, three, False)
+    prepare = p.signature(Record("Sampler", ()), "prepare", [("theta_r", FLOAT, False), ("strands", FLOAT, False)])
     lines = [
         *job.about(), "", dialect.about, "",
         "Angles: theta in [-pi/2, pi/2] from the plane normal to the strand, positive toward its tip; r toward the viewer, i"
         " toward the light; phi = phi_i - phi_r. pdf is per steradian. strands: how many lie between this one and the light"
         + ("; this sampler is for one count and ignores it." if single else "."),
         "u in [0, 1): which lobe, theta, phi.", "",
-        f"float {n}_pdf(float theta_i, float theta_r, float phi, float strands)",
-        f"{three} {n}_sample(float theta_r, {three} u, float strands): theta_i, phi, pdf",
-        f"{n.upper()}_Sampler {n}_prepare(float theta_r, float strands): for several directions of one shading point,",
-        f"float {n}_prepared_pdf(s, theta_i, phi), {three} {n}_prepared_sample(s, u)",
+        call(FLOAT, "pdf", angles, strands),
+        f"{call(three, 'sample', 'theta_r', u, strands)}: theta_i, phi, pdf",
+        f"{prepare}: for several directions of one shading point,",
+        f"{n}_prepared_pdf(s, theta_i, phi), {n}_prepared_sample(s, u)",
     ]  # fmt: skip
     if tables is not None:
-        color = p.type(Vector("float", tables.channels))
-        lines.append(
-            f"{color} {n}_eval(float theta_i, float theta_r, float phi, float strands): f in 1/sr, without a cosine"
-        )
+        color = Vector("float", tables.channels)
+        lines.append(f"{call(color, 'eval', angles, strands)}: f in 1/sr, without a cosine")
         if tables.kind == "dual":
             lines += [
-                f"{color} {n}_eval_around(theta_i, theta_r, phi, strands, float behind, bool random):",
+                f"{call(color, 'eval_around', angles, strands, 'behind', ('random', BOOL, False))}:",
                 "the same where `behind` strands lie beyond this one, on average, and, if random, `strands` is the mean of a"
                 " Poisson number",
             ]
     lines += [
         "", f"With directions; frame: {job.frame.about}.", "",
-        f"float {n}_pdf_direction({three} {viewer}, {three} {light}, float strands)",
-        f"{three} {n}_sample_direction({three} {viewer}, {three} u, float strands, out float pdf)",
+        call(FLOAT, "pdf_direction", viewer, light, strands),
+        call(three, "sample_direction", viewer, u, strands, ("pdf", FLOAT, True)),
     ]  # fmt: skip
     if tables is not None:
         lines += [
-            f"{color} {n}_eval_direction({three} {viewer}, {three} {light}, float strands): f cos(theta_i)", "",
-            f"The scattering function reads a texture, {n}_model: RGBA32F, {TEXTURE_WIDTH} texels wide, from the file of"
-            f" values beside this one; or define {n.upper()}_MODEL(i), the i-th texel, before this file.",
+            f"{call(color, 'eval_direction', viewer, light, strands)}: f cos(theta_i)", "",
+            f"{dialect.model.format(n)}: RGBA32F, {TEXTURE_WIDTH} texels wide, from the file of"
+            f" values beside this one; or {dialect.replaced.format(f'{n.upper()}_MODEL(i)')}: the i-th texel.",
         ]  # fmt: skip
-    table = (
-        f"The table is inlined; define {n.upper()}_TABLE(i), its i-th {four}, before this file to fetch it from elsewhere."
-    )
-    return [*lines, table]
+    table = f"{n.upper()}_TABLE(i)"
+    instead = dialect.replaced.format(table)
+    return [*lines, f"The table is inlined. To fetch it from elsewhere, {instead}: its i-th {p.type(four)}."]
 
 
 def lobe_texels(sampler: Sampler) -> NDArray[np.float32]:

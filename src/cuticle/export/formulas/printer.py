@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cuticle.export.formulas.syntax import SubsetError
 from cuticle.export.formulas.tree import (  # fmt: skip
+    INT,
     Array,
     Block,
     Choice,
@@ -70,6 +71,9 @@ class Printer:
 
     constant = ""  # what stands before a constant table
     closed = ""  # what stands after an array's items
+    suffix = ""  # what stands after a float's digits
+    next = "++{}"  # what counts a variable up
+    directives = True  # whether there is a preprocessor
     words: frozenset[str] = frozenset()  # of the language, which no variable may be called
     numbers: Mapping[str, str] = MappingProxyType(
         {}
@@ -111,6 +115,10 @@ class Printer:
         """A function's name."""
         return f"{self.prefix}_{name}"
 
+    def named(self, x: Instance | Invoke) -> str:
+        """A function's name among the headers' instances."""
+        return x.name
+
     def type(self, kind: Type) -> str:
         """A type's name."""
         if isinstance(kind, Record):
@@ -123,15 +131,31 @@ class Printer:
     def table(self, name: str, size: int, values: NDArray[np.float32]) -> str:
         """A constant array of numbers, or of vectors of them."""
         kind = self.type(Vector("float", size))
-        words = singles(values, "")
+        words = singles(values, self.suffix)
         items = [f"{kind}({', '.join(words[i : i + size])})" if size > 1 else words[i] for i in range(0, len(words), size)]
-        head = f"{self.constant} {kind} {self.function(name)}[{len(items)}] = {self.opened(kind, len(items))}"
+        head = f"{self.constants(kind, self.function(name), len(items))} = {self.opened(kind, len(items))}"
         return f"{head}\n{wrapped(items)}\n{self.closed};"
+
+    def constants(self, kind: str, name: str, length: int) -> str:
+        """What declares a constant array."""
+        return f"{self.constant} {kind} {name}[{length}]"
+
+    def fetch(self, name: str, result: Type, text: str) -> str:
+        """What `name`(i) means: an expression of i."""
+        return f"#define {name}(i) {text}"
 
     def declared(self, kind: Type, name: str) -> str:
         """A type and a name."""
-        of, length = _flat(kind)
-        return f"{self.type(of)} {self.variable(name)}{length}"
+        of, length = flat(kind)
+        return f"{self.type(of)} {self.variable(name)}{_brackets(length)}"
+
+    def parameter(self, name: str, kind: Type, out: bool) -> str:
+        """A function's parameter; `out`: it is written to."""
+        return ("out " if out else "") + self.declared(kind, name)
+
+    def signature(self, result: Type, name: str, parameters: Iterable[tuple[str, Type, bool]]) -> str:
+        """A function's head."""
+        return f"{self.type(result)} {self.function(name)}({', '.join(self.parameter(*p) for p in parameters)})"
 
     # -- declarations --
 
@@ -148,15 +172,14 @@ class Printer:
     def record(self, r: Record) -> str:
         """A struct, fields of one type on one line."""
         lines = []
-        for kind, group in itertools.groupby(r.fields, key=lambda f: _flat(f[1])[0]):
-            names = [self.variable(n) + _flat(t)[1] for n, t in group]
+        for kind, group in itertools.groupby(r.fields, key=lambda f: flat(f[1])[0]):
+            names = [self.variable(n) + _brackets(flat(t)[1]) for n, t in group]
             lines.append(f"    {self.type(kind)} {', '.join(names)};\n")
         return f"struct {self.type(r)} {{\n{''.join(lines)}}};\n"
 
     def instance(self, f: Instance) -> str:
         """A function."""
-        parameters = ", ".join(("out " if out else "") + self.declared(kind, name) for name, kind, out in f.parameters)
-        head = f"{self.type(f.result)} {self.function(f.name)}({parameters}) {{"
+        head = f"{self.signature(f.result, self.named(f), f.parameters)} {{"
         body = self.lines(f.body, f.result, 1)
         if len(body) == 1 and len(head) + len(body[0]) <= WIDTH - 2:
             return f"{head} {body[0].strip()} }}\n"
@@ -172,7 +195,7 @@ class Printer:
         for line in lines:
             if isinstance(line, Let):
                 value = "" if line.value is None else f" = {self.initial(line.value)}"
-                out.append(f"{tab}{self.declared(line.type, line.name)}{value};")
+                out.append(f"{tab}{self.begun(line)}{value};")
             elif isinstance(line, Store) and self.in_parts(line.value):
                 assert isinstance(line.value, Make)
                 assert isinstance(line.value.type, Record)
@@ -184,13 +207,18 @@ class Printer:
                 out += [tab + x for x in self.given(line.value)]
             elif isinstance(line, Count):
                 name = self.variable(line.name)
-                head = f"for (int {name} = {self.node(line.start)}; {name} < {self.node(line.end)}; ++{name}) {{"
+                start = f"{self.begun(Let(line.name, INT, line.start))} = {self.node(line.start)}"
+                head = f"for ({start}; {name} < {self.node(line.end)}; {self.next.format(name)}) {{"
                 out += [tab + head, *self.lines(line.body, result, depth + 1), tab + "}"]
             elif isinstance(line, Block):
                 out += [tab + "{", *self.lines(line.body, result, depth + 1), tab + "}"]
             else:
                 out += self.when(line, result, depth)
         return out
+
+    def begun(self, line: Let) -> str:
+        """What declares a variable."""
+        return self.declared(line.type, line.name)
 
     def when(self, line: When, result: Type, depth: int) -> list[str]:
         """if, and else where there is one."""
@@ -245,20 +273,25 @@ class Printer:
             return self.make(x), _WHOLE
         if isinstance(x, Operation):
             return self.operation(x)
-        operands = ", ".join(map(self.node, x.operands))
-        if isinstance(x, Invoke):
-            name = f"{self.prefix.upper()}_{x.name.upper()}" if x.external else self.function(x.name)
-            return f"{name}({operands})", _WHOLE
-        return self.intrinsic(x), _WHOLE
+        return self.invoke(x) if isinstance(x, Invoke) else self.intrinsic(x), _WHOLE
+
+    def invoke(self, x: Invoke) -> str:
+        """A call."""
+        name = f"{self.prefix.upper()}_{x.name.upper()}" if x.external else self.function(self.named(x))
+        return f"{name}({', '.join(self.given_to(x))})"
+
+    def given_to(self, x: Invoke) -> list[str]:
+        """What a function is called with."""
+        return list(map(self.node, x.operands))
 
     def intrinsic(self, x: Intrinsic) -> str:
         """A function that the language has."""
         if x.name == "sum":
-            (of,) = x.operands
+            (of,), dot = x.operands, self.functions.get("dot", "dot")
             assert isinstance(of.type, Vector)
-            return self.node(of) if of.type.size == 1 else f"dot({self.node(of)}, {self.splat(of.type, '1.0')})"
-        name = "exp" if x.name == "decay" else self.functions.get(x.name, x.name)
-        return f"{name}({', '.join(map(self.node, x.operands))})"
+            return self.node(of) if of.type.size == 1 else f"{dot}({self.node(of)}, {self.splat(of.type, '1.0')})"
+        name = "exp" if x.name == "decay" else x.name
+        return f"{self.functions.get(name, name)}({', '.join(map(self.node, x.operands))})"
 
     def literal(self, x: Literal) -> tuple[str, int]:
         """A constant, in every component of its type."""
@@ -276,7 +309,7 @@ class Printer:
             return "true" if x.value else "false"
         if x.type.kind == "int":
             return str(x.value)
-        return x.text if x.text and len(x.text) <= 15 else single(float(x.value), "")
+        return x.text + self.suffix if x.text and len(x.text) <= 15 else single(float(x.value), self.suffix)
 
     def operand(self, x: Node, level: int, *, right: bool = False) -> str:
         """An operator's: a constant needs no vector there, and brackets where it is negative and on the right."""
@@ -330,13 +363,18 @@ class Printer:
         return f"{self.type(x.type)}({', '.join(map(self.node, x.operands))})"
 
 
-def _flat(kind: Type) -> tuple[Type, str]:
-    """What an array is made of, and its length in brackets; of any other type itself."""
+def flat(kind: Type) -> tuple[Type, int]:
+    """Return what an array is made of, and its length; any other type itself, and 0."""
     of, length = kind, 1
     while isinstance(of, Array):
         length *= of.length
         of = of.of
-    return of, f"[{length}]" if isinstance(kind, Array) else ""
+    return of, length if isinstance(kind, Array) else 0
+
+
+def _brackets(length: int) -> str:
+    """An array's length after its name."""
+    return f"[{length}]" if length else ""
 
 
 def wrap(line: str) -> str:
