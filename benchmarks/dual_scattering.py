@@ -4,8 +4,8 @@ For each groom, hair and light: brightness over the path tracer's (mean of the c
 (less the noise of both: what is left is bias), time over Mitsuba's `direct` at equal samples, and how many times longer the
 path tracer takes to the same noise: the product of time and variance between runs, path over dual. "corrected"
 is the integrator's default; "m bounces" trace m segments before dual scattering; the other rows neither correct nor bounce.
-In light from everywhere the grid runs a second time with directions from the BSDF alone. `--groom NAME`, repeated, picks
-some; rows come one by one.
+In light from everywhere the grid runs a second time with directions from the BSDF alone. `--groom NAME` and `--way NAME`,
+repeated, pick some; rows come one by one.
 """
 
 from __future__ import annotations
@@ -73,6 +73,7 @@ def main() -> None:
     parser.add_argument("--size", type=int, default=128)
     parser.add_argument("--groom", action="append", help="one of these alone; may be repeated")
     parser.add_argument("--hair", action="append", choices=("blond", "black"), help="one of these alone")
+    parser.add_argument("--way", action="append", help='one of these alone, such as "grid, corrected"; may be repeated')
     arguments = parser.parse_args()
     try:
         found = grooms(arguments.data)
@@ -113,6 +114,8 @@ def main() -> None:
                     if light == "env":
                         ways["grid, BSDF alone"] = integrator("dual", emitter_samples=0, **plain)
                     for counter, how in ways.items():
+                        if arguments.way and counter not in arguments.way:
+                            continue
                         dual = runs(mi, found[name], fibre, light, view, how)
                         bias = rel_mse(dual["image"], path["image"]) - (dual["noise"] + path["noise"]) / RUNS
                         grid.add_row(
