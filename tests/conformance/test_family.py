@@ -204,7 +204,7 @@ def test_a_family_in_cpp(form: str, tmp_path: Path) -> None:
     compare(form, cpp(form, tmp_path), **SINGLE)
 
 
-@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("form", [*FORMS[:-1], pytest.param(FORMS[-1], marks=pytest.mark.slow)])
 def test_a_family_in_double_precision(form: str, tmp_path: Path) -> None:
     got = cpp(form, tmp_path, "double")
     compare(form, got, 1e-6, 1e-9, np.float64)
@@ -213,8 +213,10 @@ def test_a_family_in_double_precision(form: str, tmp_path: Path) -> None:
     assert np.all((weight > 0) & (weight <= (2 if form in AMONG else 1) + 1e-6))
 
 
-@pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("to", ["glsl", "hlsl", "metal", "slang", "wgsl"])
+@pytest.mark.parametrize(("to", "form"), [
+    pytest.param(to, form, marks=() if to == "glsl" or form == "chiang" else pytest.mark.slow)
+    for to in ("glsl", "hlsl", "metal", "slang", "wgsl") for form in FORMS
+])  # fmt: skip
 def test_a_family_in_a_shader(form: str, to: str, browser: Any, tmp_path: Path) -> None:
     compare(form, shaded(form, to, tmp_path, browser), **SINGLE)
 
@@ -239,7 +241,7 @@ def test_a_wrong_number_is_caught(browser: Any, tmp_path: Path) -> None:
         compare("chiang", cpp("chiang", tmp_path, made=wrong), **SINGLE)
 
 
-@pytest.mark.parametrize("form", AMONG)
+@pytest.mark.parametrize("form", ["among marschner", pytest.param("among chiang", marks=pytest.mark.slow)])
 def test_a_wrong_number_of_the_strands_around_is_caught(form: str, browser: Any, tmp_path: Path) -> None:
     """An energy through two strands in the texture, and a variance of the mean's in the text; as it is, it passes."""
     made = exported(form, "glsl")

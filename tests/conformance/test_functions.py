@@ -109,7 +109,9 @@ def test_f_is_the_cores(kind: str, to: str, browser: Any, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("kind", ["dual, exact", pytest.param("dual, zinke2008", marks=pytest.mark.slow)])
-@pytest.mark.parametrize("to", CARRIERS)
+@pytest.mark.parametrize(
+    "to", [pytest.param(to, marks=pytest.mark.slow if to in ("hlsl", "metal") else ()) for to in CARRIERS]
+)
 def test_f_among_strands_that_are_random_or_have_an_end(kind: str, to: str, browser: Any, tmp_path: Path) -> None:
     x = cases(True)
     made = written(kind, "cpp")

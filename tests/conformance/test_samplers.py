@@ -196,7 +196,7 @@ def test_wgsl_validates(sampler: Any, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "to", ["cpp", "glsl", "metal", *(pytest.param(to, marks=pytest.mark.slow) for to in ("hlsl", "slang", "wgsl"))]
+    "to", ["cpp", "glsl", *(pytest.param(to, marks=pytest.mark.slow) for to in ("hlsl", "metal", "slang", "wgsl"))]
 )
 def test_another_family_of_lobes(to: str, x: Any, document_fit: Any, browser: Any, tmp_path: Path) -> None:
     """The same table read as logistic lobes."""
