@@ -13,7 +13,7 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -291,7 +291,7 @@ def dispatched(
     made: Export,
     x: np.ndarray,
     asked: str | None,
-    tables: list[np.ndarray] | None = None,
+    tables: Sequence[np.ndarray] = (),
 ) -> np.ndarray:
     """Run a kernel, 64 threads a group: inputs, answers and tables in group 0, the scattering function's texture in 1."""
     rows = np.zeros((-(-len(x) // 64) * 64, 8), np.float32)
