@@ -204,16 +204,22 @@ def test_zinke2008_is_as_printed() -> None:
 def test_rows_of_azimuths_are_what_each_direction_alone_is(model: cuticle.Bcsdf) -> None:
     """Azimuths that come in rows are looked up once, in vectors: rows that stay, change, shrink, and break off."""
     rng = np.random.default_rng(3)
-    phi = rng.uniform(-np.pi, np.pi, 61)
-    rows = [(0.3, 0.2, phi), (0.4, 0.2, phi), (0.4, 0.7, phi), (-0.3, 0.7, phi), (-0.3, 0.7, phi[:30]), (1.2, 0.7, phi),
-            (1.2, 0.7, phi[::-1]), (0.1, 0.7, phi[:2]), (0.2, 0.7, phi[:9])]  # fmt: skip
-    rows += [(t, -0.5, phi) for t in np.linspace(-1, 1, 80)]
-    columns = [np.concatenate([np.broadcast_to(row[k], row[2].shape) for row in rows]) for k in range(3)]
-    for own in (model.with_strands(n) for n in (0, 0.5, 3)) if isinstance(model, DualScattering) else (model,):
-        order = rng.permutation(columns[0].size)
-        alone = np.empty((columns[0].size, own.eval(0, 0, 0).size))
-        alone[order] = own.eval(*(c[order] for c in columns))
-        np.testing.assert_allclose(own.eval(*columns), alone, rtol=1e-13)
+    phi = rng.uniform(-np.pi, np.pi, (2, 61))
+    columns: list[list[float]] = [[], [], [], [], []]  # theta_i, theta_r, phi, and how many strands are before and behind
+    for _ in range(400):
+        row = phi[rng.integers(2), : rng.choice([1, 2, 3, 4, 9, 30, 61])]
+        for column, value in zip(columns, (rng.choice([0.3, -0.9]), rng.choice([0.2, 0.7]), row, *rng.choice([1, 4], 2))):  # noqa: B905
+            column.extend(np.broadcast_to(value, row.shape))
+    ti, tr, ph, n, behind = map(np.array, columns)
+    calls = [lambda of: model.eval(ti[of], tr[of], ph[of])]
+    if isinstance(model, DualScattering):
+        calls += [lambda of, k=k: model.with_strands(k).eval(ti[of], tr[of], ph[of]) for k in (0.5, 3)]
+        end = (lambda of: behind[of]) if model.formulation == "exact" else (lambda of: None)
+        calls.append(lambda of: model.expected(ti[of], tr[of], ph[of], n[of], behind=end(of)))
+    order = rng.permutation(ti.size)
+    for f in calls:
+        alone = f(order)
+        np.testing.assert_allclose(f(slice(None))[order], alone, rtol=1e-13)
 
 
 def test_between_none_and_one_strand_it_is_a_blend() -> None:

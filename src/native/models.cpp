@@ -184,21 +184,23 @@ struct Model {
     static constexpr std::size_t wide = 8, few = 3;
     using Lanes = cuticle::Pack<double, wide>;
     struct Row {
+        double inclination, theta_r;
+        cuticle::Surroundings<double> around;
         std::vector<double> phi;
         std::vector<cuticle::AzimuthalValues<Lanes>> values;  // [vector][channel]
     };
 
-    void look_up(Row &row, double inclination, double theta_r, const cuticle::Surroundings<double> &around) const {
+    void look_up(Row &row) const {
         const auto vectors = (row.phi.size() + wide - 1) / wide, channels = std::size_t(model.direct.channels);
-        const cuticle::Surroundings<Lanes> all{Lanes(around.strands), Lanes(around.behind), around.random};
+        const cuticle::Surroundings<Lanes> around{Lanes(row.around.strands), Lanes(row.around.behind), row.around.random};
         row.phi.resize(vectors * wide, row.phi.back());
         row.values.resize(vectors * channels);
         for (std::size_t v = 0; v < vectors; ++v) {
             const Lanes phi = cuticle::load_pack<double, wide>(&row.phi[v * wide]);
-            const auto at = cuticle::locate(model.direct, Lanes(inclination), phi);
+            const auto at = cuticle::locate(model.direct, Lanes(row.inclination), phi);
             for (std::size_t c = 0; c < channels; ++c) {
                 auto &values = row.values[v * channels + c];
-                if (dual) values = cuticle::azimuths_around(model, at, Lanes(theta_r), phi, int(c), all);
+                if (dual) values = cuticle::azimuths_around(model, at, Lanes(row.theta_r), phi, int(c), around);
                 else
                     cuticle::look_up(model.direct, cuticle::direct_rows, at, int(c), values = cuticle::no_azimuths<Lanes>());
             }
@@ -211,14 +213,13 @@ struct Model {
         const auto channels = static_cast<std::size_t>(model.direct.channels);
         parallel_for(out.shape(0), 2048, [&](std::size_t begin, std::size_t end) {
             std::vector<cuticle::AzimuthalTerms<double>> terms(channels);
-            Row row;
-            const auto as = [&](std::size_t i, std::size_t j) {
-                return tr[i] == tr[j] && strands[i] == strands[j] && behind[i] == behind[j];
-            };
+            Row row{};
             for (std::size_t i = begin, stop; i < end; i = stop) {
-                for (stop = i + 1; stop < end && ti[stop] == ti[i] && as(stop, i);) ++stop;
                 const double t = ti[i], r = tr[i];
                 const cuticle::Surroundings<double> around{strands[i], behind[i], random};
+                for (stop = i + 1; stop < end && ti[stop] == t && tr[stop] == r && strands[stop] == around.strands &&
+                                   behind[stop] == around.behind;)
+                    ++stop;
                 if (dual) cuticle::dual_scattering_terms(model, t, r, around, lobes, terms.data());
                 else if (rest.rows) cuticle::chiang_far_terms(model.fibre, rest, t, r, lobes, terms.data());
                 else cuticle::marschner_terms(model.fibre, t, r, lobes, int(channels), terms.data());
@@ -230,13 +231,16 @@ struct Model {
                     continue;
                 }
                 const double inclination = cuticle::azimuthal_inclination(model.fibre.form, t, r);
-                bool known = i > begin && stop - i <= row.phi.size() && as(i, i - 1) &&
-                             inclination == cuticle::azimuthal_inclination(model.fibre.form, ti[i - 1], r);
+                bool known = stop - i <= row.phi.size() && row.inclination == inclination && row.theta_r == r &&
+                             row.around.strands == around.strands && row.around.behind == around.behind;
                 for (std::size_t j = i; known && j < stop; ++j) known = row.phi[j - i] == ph[j];
                 if (!known) {
+                    row.inclination = inclination;
+                    row.theta_r = r;
+                    row.around = around;
                     row.phi.clear();
                     for (std::size_t j = i; j < stop; ++j) row.phi.push_back(ph[j]);
-                    look_up(row, inclination, r, around);
+                    look_up(row);
                 }
                 for (std::size_t c = 0; c < channels; ++c) {
                     const auto all = cuticle::azimuthal_terms<Lanes>(terms[c]);
