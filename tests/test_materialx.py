@@ -153,6 +153,11 @@ def test_the_reference_names_its_slips(program: Path) -> None:
     found = check(Submission("materialx", inputs, theirs, np.full(len(inputs), np.nan), True, number))
     assert not found.ok
     assert set(found.slips) == {"tilt-of-the-light", "rest-half-pi", "widths-clamped", "log-i0-16x", "i0-10-terms"}
+    # From where widths stop growing, as docs/reference.md says: v of TRT, v of R, and s are 1.
+    stops = [conventions.longitudinal_roughness(v) for v in (0.25, 1)] + [
+        conventions.azimuthal_roughness(np.sqrt(np.pi / 8))
+    ]
+    assert [round(b, 2) for b in stops] == [0.46, 0.74, 0.8]
 
 
 def test_defaults_are_those_of_materialxs_library() -> None:

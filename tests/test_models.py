@@ -208,7 +208,8 @@ def test_rows_of_azimuths_are_what_each_direction_alone_is(model: cuticle.Bcsdf)
     columns: list[list[float]] = [[], [], [], [], []]  # theta_i, theta_r, phi, and how many strands are before and behind
     for _ in range(400):
         row = phi[rng.integers(2), : rng.choice([1, 2, 3, 4, 9, 30, 61])]
-        for column, value in zip(columns, (rng.choice([0.3, -0.9]), rng.choice([0.2, 0.7]), row, *rng.choice([1, 4], 2))):  # noqa: B905
+        values = (rng.choice([0.3, -0.9]), rng.choice([0.2, 0.7]), row, *rng.choice([1, 4], 2))
+        for column, value in zip(columns, values, strict=True):
             column.extend(np.broadcast_to(value, row.shape))
     ti, tr, ph, n, behind = map(np.array, columns)
     calls = [lambda of: model.eval(ti[of], tr[of], ph[of])]
