@@ -200,13 +200,19 @@ def test_ctrl_c_before_the_package_is_imported() -> None:
 def test_ctrl_c_within_a_render_of_mitsuba(tmp_path: Path) -> None:
     pytest.importorskip("mitsuba")
     command = [sys.executable, "-m", "cuticle", "render", "lock", "--width", "64", "--spp", "1000000", "-o", "a.png"]
-    started = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    try:
-        time.sleep(6)
-        started.send_signal(signal.SIGINT)
-        _, err = started.communicate(timeout=60)
-    finally:
-        started.kill()
-    assert started.returncode == 130
-    assert re.fullmatch(r"(this takes about \d+ s\n)?cuticle: stopped\n", err), err  # where it came to an estimate first
+    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as started:
+        late = threading.Timer(120, started.kill)
+        late.start()
+        assert started.stderr is not None
+        try:
+            first = started.stderr.readline()  # it is told right before the render
+            time.sleep(0.5)
+            started.send_signal(signal.SIGINT)
+            rest = started.stderr.read()
+            started.wait()
+        finally:
+            late.cancel()
+            started.kill()
+    assert re.fullmatch(r"this takes about \d+ s\n", first), first
+    assert (started.returncode, rest) == (130, "cuticle: stopped\n")
     assert not list(tmp_path.iterdir())
