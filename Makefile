@@ -2,7 +2,9 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-# Modules are compiled to bytecode when they are first imported; most of what is installed never is.
+# Modules are compiled to bytecode when they are first imported; most of what is installed never is. It is kept, whatever the
+# environment says: the tests start hundreds of processes, and each would spend seconds on compiling anew.
+unexport PYTHONDONTWRITEBYTECODE
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet install --no-compile
 NATIVE := $(wildcard src/native/* include/cuticle/* include/cuticle/*/* plugins/mitsuba/*) CMakeLists.txt pyproject.toml
 
