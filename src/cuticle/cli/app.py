@@ -28,7 +28,7 @@ COMMANDS = {
     "document": "Recompute the draft description for any fibre: its tables, functions, figures and claims.",
     "report": "Write one self-contained HTML page from the results of fit, check and document in a folder.",
     "render": "Render a groom with Mitsuba: `cuticle render GROOM -o picture.png`, with the options of `picture`.",
-    "export": "Write a sampler or a family as one file for C++, CUDA, GLSL or HLSL; a sampler also as JSON or a web page.",
+    "export": "Write a sampler or a family as one file for a renderer or shading language; a sampler also as JSON or HTML.",
     "reference": "Values of the scattering functions with proven errors; `check` says what is wrong with someone's.",
     "audit": "Audit any sampler: do its samples follow its pdf? Exit code 1 if a verdict fails, 3 if one is inconclusive.",
 }

@@ -69,7 +69,7 @@ def command(
         bool, typer.Option("--amalgamate", help="Write the core's headers as one file, without a sampler.")
     ] = False,
 ) -> None:
-    """Write a sampler or a family as one file for C++, CUDA, GLSL or HLSL; a sampler also as JSON or a web page."""
+    """Write a sampler or a family as one file for a renderer or shading language; a sampler also as JSON or HTML."""
     if (sampler is not None) + amalgamated + (family is not None) != 1:
         raise ValueError("give one of a sampler with --to HOST, --family FAMILY with --to HOST, and --amalgamate")
     if amalgamated:
