@@ -36,6 +36,7 @@ CUTICLE: list[dict[str, Any]] = [
     {"type": "cuticle", "fibre": "blond"},
     {"type": "cuticle", "fibre": "brown"},
     {"type": "cuticle", "fibre": "black"},
+    {"type": "cuticle", "fibre": "brown", "sampling": "lobes"},
     {"type": "cuticle", "fibre": "document", "sampling": "document"},
 ]
 
