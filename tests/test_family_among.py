@@ -47,19 +47,22 @@ def test_a_strand_like_the_others_is_dual_scattering() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "own", "off"),
+    ("name", "own", "off", "steep"),
     [
-        ("eumelanin", 1.3, 0.002),  # the transport itself
+        ("eumelanin", 1.3, 0.002, 0.002),  # the transport itself
         # What comes from behind is as if the last strand were the mean, too.
-        ("eumelanin", 0.1, 0.03),
-        ("eumelanin", 2.5, 0.03),
+        ("eumelanin", 0.1, 0.03, 0.03),
+        ("eumelanin", 2.5, 0.03, 0.03),
         # A lobe's axis and width are added, not convolved.
-        ("beta_R", 15.0, 0.04),
-        ("alpha_R", -10.0, 0.03),
+        ("beta_R", 15.0, 0.04, 0.09),
+        ("alpha_R", -10.0, 0.03, 0.06),
     ],
 )
-def test_a_strand_unlike_the_others_is_the_last_to_scatter(name: str, own: float, off: float) -> None:
-    """Energy through two strands, against transport among the others seen through the strand's own scattering."""
+def test_a_strand_unlike_the_others_is_the_last_to_scatter(name: str, own: float, off: float, steep: float) -> None:
+    """Energy through two strands, against transport among the others seen through the strand's own scattering.
+
+    `off` of it at 0° and 40°, `steep` at 64° either way.
+    """
     d = Directions()
     transport = StrandTransport(_parts(MEAN, 0, d))
     assert transport._sheets is not None  # solved for the others
@@ -68,9 +71,9 @@ def test_a_strand_unlike_the_others_is_the_last_to_scatter(name: str, own: float
     wanted = np.einsum("cpnrk,n->r", transport.through_sheets(np.ones((d.rows, 1)), (2,)), d.node_weights)
     height = (np.arange(6000) + 0.5) / 6000 * 2 - 1  # evenly over the sphere
     turn = np.arange(6000) * 0.6180339887 % 1 * 2 * np.pi - np.pi
-    for row in (22, 32):
+    for row, allowed in ((22, off), (32, off), (6, steep), (38, steep)):
         f = among().eval(np.arcsin(height), -d.theta[row], turn, **(VALUES | {name: own}), strands=2)[:, 0]
-        assert np.mean(f * np.sqrt(1 - height**2)) * 4 * np.pi == pytest.approx(wanted[row], rel=off)
+        assert np.mean(f * np.sqrt(1 - height**2)) * 4 * np.pi == pytest.approx(wanted[row], rel=allowed)
 
 
 def random_case(rng: np.random.Generator, mean: Any) -> cuticle.scattering.any_fibre.FibreSampler:
