@@ -89,7 +89,7 @@ def make(
     Returns
     -------
     Reference
-        f, its parts by lobe and the density, to 25 digits.
+        f, its parts by lobe and the density, written with 25 digits.
 
     Raises
     ------
