@@ -28,6 +28,16 @@ AMONG = {  # forms of a strand among those of a mean fibre, counted or random, w
 }
 BEHIND = {"among marschner": {}, "among chiang": {"behind": 2.5, "random": True}}
 FORMS = ["chiang", "marschner", *AMONG]
+SHADERS = ("glsl", "hlsl", "metal", "slang", "wgsl")
+Rows = slice | np.ndarray  # of the cases
+EVERY, FEW = slice(None), slice(None, None, 10)  # a tenth is enough to see a wrong number
+# A number and what it becomes, by host: of the cells' edges, and of asin's polynomial.
+WRONG = {
+    "cells": {to: ("(0.7853982", "(0.7753982") for to in SHADERS}
+    | {to: ("1 - double(j) / tt_cells", "1 - double(j) / (tt_cells + 1)") for to in ("cpp", "cuda")},
+    "asin": {to: ("0.0501743046", "0.0601743046") for to in SHADERS}
+    | {to: ("-.0501743046f", "-.0601743046f") for to in ("cpp", "cuda")},
+}
 
 
 @cache
@@ -48,8 +58,8 @@ def exported(form: str, to: str) -> Export:
     return export_family(*("dual_scattering", to) if form in AMONG else (form, to), among=among if form in AMONG else None)
 
 
-def around(form: str) -> dict[str, Any]:
-    return {"strands": cases()[:, 7], **BEHIND[form]} if form in AMONG else {}
+def around(form: str, rows: Rows = EVERY) -> dict[str, Any]:
+    return {"strands": cases()[rows, 7], **BEHIND[form]} if form in AMONG else {}
 
 
 @cache
@@ -80,9 +90,8 @@ def cases() -> np.ndarray:
     return x.astype(np.float32).astype(float)
 
 
-@cache
-def own_fibres(form: str) -> Fibres:
-    k = cases()[:, 3].astype(int)
+def own_fibres(form: str, rows: Rows = EVERY) -> Fibres:
+    k = cases()[rows, 3].astype(int)
     return Fibres(fibres(form).form, fibres(form).parameters[k], fibres(form).sigma_a[k])
 
 
@@ -122,18 +131,32 @@ def write_fibres(form: str, folder: Path) -> None:
     )
 
 
-def cpp(form: str, folder: Path, precision: str = "float", made: Export | None = None) -> np.ndarray:
+def cpp(form: str, folder: Path, precision: str = "float", made: Export | None = None, rows: Rows = EVERY) -> np.ndarray:
     hosts.need("g++")
     write_fibres(form, folder)
     command = ["g++", "-std=c++17", "-O1", *hosts.WARNINGS]
     return hosts.compiled(
-        made or exported(form, "cpp"), cases(), folder, command=command, precision=precision, program=PROGRAM
+        made or exported(form, "cpp"), cases()[rows], folder, command=command, precision=precision, program=PROGRAM
     )
 
 
-def shaded(form: str, to: str, folder: Path, browser: Any, made: Export | None = None) -> np.ndarray:
+def cuda(form: str, folder: Path, made: Export | None = None, rows: Rows = EVERY) -> np.ndarray:
+    write_fibres(form, folder)
+    return hosts.cuda(made or exported(form, "cuda"), cases()[rows], folder, program=PROGRAM)
+
+
+def answered(form: str, to: str, folder: Path, browser: Any, made: Export, rows: Rows) -> np.ndarray:
+    """By any host."""
+    if to in ("cpp", "cuda"):
+        return cpp(form, folder, made=made, rows=rows) if to == "cpp" else cuda(form, folder, made, rows)
+    return shaded(form, to, folder, browser, made, rows)
+
+
+def shaded(
+    form: str, to: str, folder: Path, browser: Any, made: Export | None = None, rows: Rows = EVERY
+) -> np.ndarray:  # fmt: skip
     """Both of a shader's functions, each an answer of four numbers."""
-    made = made or exported(form, to)
+    made, x = made or exported(form, to), cases()[rows]
     one, three, four, whole = {
         "glsl": ("float", "vec3", "vec4", "int"), "wgsl": ("f32", "vec3<f32>", "vec4<f32>", "i32")
     }.get(to, ("float", "float3", "float4", "int"))  # fmt: skip
@@ -175,18 +198,20 @@ def shaded(form: str, to: str, folder: Path, browser: Any, made: Export | None =
     made = Export(text, 0, made.data)
     if to in ("slang", "wgsl"):
         run = hosts.shaded_slang if to == "slang" else hosts.shaded_wgsl
-        got = [run(text, made, cases(), answer) for answer in answers]
+        got = [run(text, made, x, answer) for answer in answers]
     elif to == "metal":
-        got = [hosts.shaded_metal(text, made, cases(), folder, answer) for answer in answers]
+        got = [hosts.shaded_metal(text, made, x, folder, answer) for answer in answers]
     else:
         run_in = hosts.shaded if to == "glsl" else hosts.shaded_hlsl
-        got = [run_in(text, made, cases(), folder, browser, asked=answer) for answer in answers]
+        got = [run_in(text, made, x, folder, browser, asked=answer) for answer in answers]
     return np.concatenate([got[0], got[1][:, :3]], axis=1)
 
 
-def compare(form: str, got: np.ndarray, rtol: float, atol: float, dtype: Any = np.float32) -> None:
-    values, drawn = expected(form, dtype)
-    size = np.concatenate([np.tile(1 / np.cos(cases()[:, :1]), 3), np.ones((len(values), 1))], axis=1)  # f grows as 1/cos
+def compare(
+    form: str, got: np.ndarray, rtol: float, atol: float, dtype: Any = np.float32, rows: Rows = EVERY
+) -> None:  # fmt: skip
+    (values, drawn), x = (e[rows] for e in expected(form, dtype)), cases()[rows]
+    size = np.concatenate([np.tile(1 / np.cos(x[:, :1]), 3), np.ones((len(values), 1))], axis=1)  # f grows as 1/cos
     size *= (values / size).max(0)
     np.testing.assert_allclose(got[:, :4] / size, values / size, rtol=rtol, atol=atol)
     # Where a number falls on a border between lobes or cells, a host may take the other: of 4,000, a handful.
@@ -195,7 +220,7 @@ def compare(form: str, got: np.ndarray, rtol: float, atol: float, dtype: Any = n
     # The lower digits of a number are off by 2048 times its rounding, over the chance of its lobe.
     assert np.mean(np.abs(got[:, 4] - drawn[:, 0]) < 2e-2) > 0.99
     theta_i = np.clip(got[:, 4], -np.pi / 2, np.pi / 2)  # the right angle in single precision is past it
-    _, p = family_of(form).eval_pdf(theta_i, cases()[:, 1], got[:, 5], own_fibres(form), **around(form))
+    _, p = family_of(form).eval_pdf(theta_i, x[:, 1], got[:, 5], own_fibres(form, rows), **around(form, rows))
     np.testing.assert_allclose(got[:, 6], p, rtol=rtol, atol=atol * values[:, 3].max())
 
 
@@ -223,39 +248,58 @@ def test_a_family_in_a_shader(form: str, to: str, browser: Any, tmp_path: Path) 
 
 @pytest.mark.parametrize("form", FORMS)
 def test_a_family_in_cuda(form: str, tmp_path: Path) -> None:
-    write_fibres(form, tmp_path)
-    compare(form, hosts.cuda(exported(form, "cuda"), cases(), tmp_path, program=PROGRAM), **SINGLE)
+    compare(form, cuda(form, tmp_path), **SINGLE)
 
 
-def test_a_wrong_number_is_caught(browser: Any, tmp_path: Path) -> None:
-    """An entry of the cells in GLSL, a coefficient of asin in C++."""
-    glsl, header = export_family("chiang", "glsl"), export_family("chiang", "cpp")
-    cell = f"{np.float32(np.pi / 2 * 12 / 24)}"[:6]
-    assert glsl.text.count(cell) >= 1
-    wrong = Export(glsl.text.replace(cell, "0.7754", 1), 0)
-    with pytest.raises(AssertionError):
-        compare("chiang", shaded("chiang", "glsl", tmp_path, browser, wrong), **SINGLE)
-    assert "-.0501743046f" in header.text
-    wrong = Export(header.text.replace("-.0501743046f", "-.0601743046f"), 0)
-    with pytest.raises(AssertionError):
-        compare("chiang", cpp("chiang", tmp_path, made=wrong), **SINGLE)
+# ---- What has to be caught. ----
 
 
-@pytest.mark.parametrize("form", ["among marschner", pytest.param("among chiang", marks=pytest.mark.slow)])
-def test_a_wrong_number_of_the_strands_around_is_caught(form: str, browser: Any, tmp_path: Path) -> None:
-    """An energy through two strands in the texture, and a variance of the mean's in the text; as it is, it passes."""
-    made = exported(form, "glsl")
-    compare(form, shaded(form, "glsl", tmp_path, browser, made), **SINGLE)
-    around = family_of(form).around  # type: ignore[attr-defined]
-    texels = np.frombuffer(made.data, np.float32).reshape(-1, 4).copy()
-    rows = around.lobes.shape[2]
+def judge_wrong_ones(form: str, to: str, wrong: dict[str, Export], browser: Any, folder: Path, rows: Rows = FEW) -> None:
+    """Of few cases: as it is exported, a host passes; with each wrong number it runs, and is caught."""
+    compare(form, answered(form, to, folder, browser, exported(form, to), rows), rows=rows, **SINGLE)
+    for name, made in wrong.items():
+        got = answered(form, to, folder, browser, made, rows)
+        try:
+            compare(form, got, rows=rows, **SINGLE)
+        except AssertionError:
+            continue
+        pytest.fail(f"{to} passes with a wrong number of {name}")
+
+
+def with_wrong(made: Export, right: str, wrong: str) -> Export:
+    """The export with a number of its text replaced, which is there once."""
+    assert made.text.count(right) == 1
+    return Export(made.text.replace(right, wrong), made.table_bytes, made.data)
+
+
+@pytest.mark.parametrize(("to", "number"), [
+    pytest.param(to, number, marks=() if (to, number) in (("cpp", "asin"), ("glsl", "cells")) else pytest.mark.slow)
+    for to in ("cpp", "cuda", *SHADERS) for number in WRONG
+])  # fmt: skip
+def test_a_wrong_number_is_caught(to: str, number: str, browser: Any, tmp_path: Path) -> None:
+    made = exported("chiang", to)
+    judge_wrong_ones("chiang", to, {number: with_wrong(made, *WRONG[number][to])}, browser, tmp_path)
+
+
+@pytest.mark.parametrize(("to", "form"), [
+    pytest.param(to, form, marks=() if (to, form) == ("glsl", "among marschner") else pytest.mark.slow)
+    for to in ("cpp", "cuda", *SHADERS) for form in AMONG
+])  # fmt: skip
+def test_a_wrong_number_of_the_strands_around_is_caught(form: str, to: str, browser: Any, tmp_path: Path) -> None:
+    """An energy through two strands in the tables, and a variance of the mean's in the text."""
+    made, tables = exported(form, to), family_of(form).around  # type: ignore[attr-defined]
+    variance = singles(tables.variance, "")[0]
+    wrong = {"variance": with_wrong(made, variance, f"{1.2 * float(variance)!r}")}
+    rows = tables.lobes.shape[2]
     # TT's ln of energy in red light, at the middle rows: of an arrangement's slots the fourth is of two strands.
     first = ((bool(BEHIND[form]) * 7 + 3) * rows + rows // 2 - 1) * 12
-    texels[[first, first + 12], 1] += 0.1
-    with pytest.raises(AssertionError):
-        compare(form, shaded(form, "glsl", tmp_path, browser, Export(made.text, 0, texels.tobytes())), **SINGLE)
-    variance = singles(around.variance, "")[0]
-    assert made.text.count(variance) == 1
-    wrong = made.text.replace(variance, f"{1.2 * float(variance)!r}")
-    with pytest.raises(AssertionError):
-        compare(form, shaded(form, "glsl", tmp_path, browser, Export(wrong, 0, made.data)), **SINGLE)
+    texels = np.frombuffer(exported(form, "glsl").data, np.float32).reshape(-1, 4).copy()
+    if made.data:
+        texels[[first, first + 12], 1] += 0.1
+        wrong["energy"] = Export(made.text, made.table_bytes, texels.tobytes())
+    else:
+        wrong["energy"] = made
+        for right in singles(texels[[first, first + 12], 1], ""):
+            wrong["energy"] = with_wrong(wrong["energy"], right, f"{float(right) + 0.1!r}")
+    near = np.argsort(np.abs(cases()[:, 7] - 2) + np.abs(cases()[:, 1]))[:400]  # two strands, the middle rows
+    judge_wrong_ones(form, to, wrong, browser, tmp_path, near)

@@ -29,6 +29,15 @@ def back_by(name: str, of: Any) -> Change:
     return change
 
 
+def without_density_behind(F: Formulas) -> Formulas:
+    """Take d_b as 1 wherever it stands."""
+
+    def deviation(a: Averages, q: Any) -> Array:
+        return np.asarray(F.back.deviation(a, q) * (1 + a.a_f**2) / (1 + q.d_b * a.a_f**2))
+
+    return back(backward=lambda q: 1.0, deviation=deviation)(F)
+
+
 def first_order(a: Averages) -> Array:
     """Return A_1."""
     return np.asarray(a.a_b * a.a_f**2 / (1 - a.a_f**2))
@@ -71,6 +80,8 @@ AMONG_STRANDS = (
          back(direct_factor=2.0), DUAL),
     Slip("back-no-density", "d_b", "f_back is not multiplied by d_b", "d_b f_back", "f_back",
          back(backward=lambda q: 1.0), DUAL),
+    Slip("density-behind-missing", "d_b", "d_b is left out, before f_back and in σ_b", "d_b f_back, (1 + d_b ā_f²) …",
+         "f_back, (1 + ā_f²) …", without_density_behind, DUAL),
     Slip("density-once", "d_f", "d_f stands once", "T_f d_f, T_f = d_f Π ā_f", "Π ā_f d_f",
          back(density=lambda q: q.d_f), DUAL),
     Slip("density-missing", "d_f", "d_f is left out", "T_f d_f, T_f = d_f Π ā_f", "Π ā_f",
