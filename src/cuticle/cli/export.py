@@ -14,7 +14,6 @@ from cuticle._support.files import check_directory, check_file, make_directory, 
 from cuticle.cli.terminal import STANDARD_OUTPUT, check_output, err, out, progress_bar, refuse_idle, write_output
 from cuticle.export import HOSTS, MAX_TABLE, amalgamate, check_frame, check_name, export, export_family
 from cuticle.export.family import family_writer
-from cuticle.export.hosts.web import LOBES
 from cuticle.export.registry import Export, host
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.by_name import known_fibres, model_of, read_parameters_or_model
@@ -125,6 +124,8 @@ def command(
     if with_model and host(to).textured:
         _check_texture(output, f"--to {to} --with-model", f"{name}.{to}")
     if to == "web":
+        from cuticle.export.hosts.web import LOBES
+
         others = [k for k in LOBES if k != loaded.lobes]
         err.print(
             f"the page compares this sampler with others of {', '.join(map(str, others))} lobes, which are fitted now",

@@ -4,34 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
-from cuticle import _core
 from cuticle._support import validate
 from cuticle._support.version import __version__
-from cuticle.export.formulas import Printer, Vector, print_formulas
-from cuticle.export.formulas.tree import Record
 from cuticle.export.headers import amalgamate
 from cuticle.export.registry import Export, FamilyJob, host, host_names
-from cuticle.export.shader import TEXTURE_WIDTH, Dialect, texture_rows
 from cuticle.export.source import environment
 from cuticle.scattering.bcsdf import REC709
 from cuticle.scattering.family_among import FAMILIES, FamilyAmong
-from cuticle.scattering.mean_strands import MeanStrands
 
-# In shaders: D, the fibre's parameters, and the fibre made of them.
-_OF_SHADER = {
-    "chiang": (
-        "Azimuthal::logistic", "float beta_m, float beta_n, float alpha, float eta",
-        "chiang_fibre(beta_m, beta_n, alpha, eta)",
-    ),
-    "marschner": (
-        "Azimuthal::normal", "float3 alpha, float3 beta, float beta_n, float eta",
-        "marschner_fibre(alpha.x, alpha.y, alpha.z, beta.x, beta.y, beta.z, beta_n, eta)",
-    ),
-}  # fmt: skip
-_EXTERNALS = {"edge": Vector("float", 2), "middle": Vector("float", 3), "model": Vector("float", 4)}
 _ABOUT = {
     "chiang": "Chiang et al. 2016, far field: beta_m and beta_n from 0.05 to 1, alpha in radians, positive toward the root.",
     "marschner": "Marschner 2003 with d'Eon's energy-conserving M: alpha, beta of R, TT, TRT in theta_h, beta_n; radians.",
@@ -47,8 +27,9 @@ def about_family(form: str, among: FamilyAmong | None = None) -> list[str]:
 def family_writer(form: str, to: str | None) -> Callable[[FamilyJob], Export]:
     """Return what writes a family for a host, or raise ValueError for a family or a host that there is not."""
     validate.choice("family", form, FAMILIES)
-    writers = {name: made for name in host_names() if (made := host(name)).family is not None}
-    chosen = writers[validate.choice("to", to, writers)]
+    if to not in host_names() or host(to).family is None:  # only then all hosts are imported
+        to = validate.choice("to", to, [name for name in host_names() if host(name).family is not None])
+    chosen = host(to)
     if form not in chosen.forms:
         raise ValueError(f"{to} takes the family {' or '.join(chosen.forms)}, got {form!r}; --to cpp takes any")
     assert chosen.family is not None
@@ -65,60 +46,3 @@ def family_header(
         version=__version__.split("."), weights=weights, colour=colour, among=job.among,
     )  # fmt: skip
     return Export(text, 0 if job.among is None else 4 * sum(x.size for x in job.among.around[:3]))
-
-
-def family_shader(job: FamilyJob, dialect: Dialect) -> Export:
-    """Return a family in a shading language, of linear RGB."""
-    edges, middles = _cells()
-    printer: Printer = dialect.printer(job.name)
-    jinja = environment()
-    among = [] if job.among is None else ["float strands"]
-    azimuthal, parameters, fibre = _OF_SHADER[job.form]
-    data = b"" if job.among is None else among_texels(job.among.around).tobytes()
-    values = dict(
-        azimuthal=azimuthal, parameters=parameters, fibre=fibre, edges=edges, middles=middles, luminance=REC709,
-        frame=job.frame, back=["xyz"[job.frame.axes.index(a)] for a in "xyz"], among=job.among,
-        **({} if job.among is None else _among_values(job.among, parameters)),
-    )  # fmt: skip
-    formulas = jinja.get_template("family.formulas.j2").render(values)
-    text = jinja.get_template("family_shader.j2").render(
-        values, heading=[*job.about, "", dialect.about], n=job.name, N=job.name.upper(), dialect=dialect, p=printer,
-        texture_width=TEXTURE_WIDTH, float4=Vector("float", 4), two=Vector("float", 2), three=Vector("float", 3),
-        Field=Record("Field", ()),
-        arguments=[
-            (name, Vector("float", 3 if kind == "float3" else 1), False)
-            for kind, name in map(str.split, ["float theta_r", *parameters.split(", "), "float3 sigma_a", *among])
-        ],
-        functions=print_formulas(formulas, printer, externals=_EXTERNALS),
-    )  # fmt: skip
-    return Export(text, edges.nbytes + middles.nbytes, data)
-
-
-def among_texels(around: MeanStrands) -> NDArray[np.float32]:
-    """Return the tables of the strands around as rows of texels, shape (height, width, 4): the four parts side by side."""
-    lobes, azimuth, behind = around[:3]
-    ends = np.zeros((len(behind), behind.shape[2], 4))
-    ends[..., :3] = behind.swapaxes(1, 2)
-    parts = (lobes.swapaxes(-1, -2), azimuth.swapaxes(-1, -2), ends)
-    return texture_rows(np.concatenate([p.reshape(-1, 4) for p in parts]))
-
-
-def _among_values(among: FamilyAmong, parameters: str) -> dict[str, object]:
-    """What the template asks for of the strands around; sizes are in texels."""
-    lobes, azimuth = among.around.lobes, among.around.azimuth
-    rows, azimuth_rows, columns = lobes.shape[2], azimuth.shape[2], azimuth.shape[3]
-    return dict(
-        names=", ".join(p.split()[-1] for p in parameters.split(", ")), rows=rows, azimuth_rows=azimuth_rows,
-        columns=columns, slot=12 * rows, turn_row=3 * columns, turn_slot=3 * columns * azimuth_rows,
-        first_azimuth=lobes.size // 4, first_behind=(lobes.size + azimuth.size) // 4, step=np.pi / (columns - 1),
-        limit=among.around.limit, tilt=among.around.tilt, variance=among.around.variance, d_f=among.d_f, d_b=among.d_b,
-    )  # fmt: skip
-
-
-def _cells() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Rows of cells, R's first: gamma and its sine at their edges; sine, cosine and width in h at their middles."""
-    of = np.empty((2, _core.far_cells + 1, 5))
-    _core.cell_geometry(True, of[0])
-    _core.cell_geometry(False, of[1])
-    edges, middles = of[:, :, :2].reshape(-1, 2), of[:, :-1, 2:].reshape(-1, 3)
-    return edges.astype(np.float32), middles.astype(np.float32)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from types import MappingProxyType
 
-from cuticle.export.family import family_shader
 from cuticle.export.formulas import Printer
 from cuticle.export.formulas.tree import Node, Record, Vector
 from cuticle.export.registry import Host
 from cuticle.export.reserved_words import GLSL
 from cuticle.export.shader import Dialect, shader
+from cuticle.export.shader_family import family_shader
 
 _COMPARE = {
     "<": "lessThan", ">": "greaterThan", "<=": "lessThanEqual", ">=": "greaterThanEqual", "==": "equal", "!=": "notEqual",

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from cuticle.export.family import family_shader
 from cuticle.export.formulas import Printer
 from cuticle.export.formulas.tree import Instance, Node, Record, Vector
 from cuticle.export.registry import Host
 from cuticle.export.reserved_words import HLSL
 from cuticle.export.shader import Dialect, shader
+from cuticle.export.shader_family import family_shader
 
 _WORDS = """
     asm centroid cast class const compile export extern far half in inline inout interface line lineadj linear

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from types import MappingProxyType
 
-from cuticle.export.family import family_shader
 from cuticle.export.formulas import Printer
 from cuticle.export.formulas.calls import Calls
 from cuticle.export.formulas.printer import flat
@@ -13,6 +12,7 @@ from cuticle.export.formulas.tree import Array, Instance, Invoke, Node, Record, 
 from cuticle.export.registry import Host
 from cuticle.export.reserved_words import METAL
 from cuticle.export.shader import Dialect, shader
+from cuticle.export.shader_family import family_shader
 
 _FUNCTIONS = ("abs", "any", "atan2", "clamp", "dot", "exp", "floor", "log", "max", "min", "select", "sqrt")
 _MODEL = "model"  # the host's macro that reads the scattering function's texture, `model_`

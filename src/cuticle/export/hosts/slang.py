@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from cuticle.export.family import family_shader
 from cuticle.export.formulas.tree import Node, Vector
 from cuticle.export.hosts import hlsl
 from cuticle.export.registry import Host
 from cuticle.export.reserved_words import SLANG
 from cuticle.export.shader import shader
+from cuticle.export.shader_family import family_shader
 
 _WORDS = """
     This extension func import internal let property public select var where

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from types import MappingProxyType
 
-from cuticle.export.family import family_shader
 from cuticle.export.formulas import Printer
 from cuticle.export.formulas.calls import Calls
 from cuticle.export.formulas.printer import flat
@@ -14,6 +13,7 @@ from cuticle.export.formulas.tree import Array, Instance, Invoke, Let, Local, No
 from cuticle.export.registry import Host
 from cuticle.export.reserved_words import WGSL
 from cuticle.export.shader import Dialect, shader
+from cuticle.export.shader_family import family_shader
 
 _PLAIN = {"float": "f32", "int": "i32", "bool": "bool"}
 _NUMBERS = {
