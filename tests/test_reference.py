@@ -7,15 +7,14 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 
-import cuticle
 from command import refused, run
-from cuticle.reference import Submission, check, make
-from cuticle.reference.cases import ANGLES, Inputs, draw
+from cuticle.reference import check, make
+from cuticle.reference.cases import draw
 from cuticle.reference.models import evaluate, formulas_of
 from cuticle.reference.search import applicable
+from planted import planted, submission
 
 pytest.importorskip("flint", reason="python-flint is not installed: pip install 'cuticle[reference]'")
 NEAR = draw("chiang", 300, 1, near=True, longitudinal="")
@@ -23,27 +22,10 @@ NEAR = draw("chiang", 300, 1, near=True, longitudinal="")
 SMALL = ("log-i0-first-order", "ln2-4-digits")
 
 
-def values(inputs: Inputs, f: np.ndarray, *, single: bool = True) -> Submission:
-    if single:
-        f = f.astype(np.float32).astype(float)
-    return Submission("values", inputs, f, np.full(len(inputs), np.nan), single, np.arange(1, len(inputs) + 1))
-
-
-def ours(inputs: Inputs) -> np.ndarray:
-    """The core's near field."""
-    names = ("beta_m", "beta_n", "alpha", "eta")
-    found = []
-    for i in range(len(inputs)):
-        r = inputs.row(i)
-        model = cuticle.Chiang(**{k: r[k] for k in names}, sigma_a=tuple(inputs.sigma_a[i]))
-        found.append(model.near(r["h"]).eval(*(r[k] for k in ANGLES)))
-    return np.array(found)
-
-
 @pytest.mark.parametrize("single", [True, False])
 def test_the_core_is_found_right(single: bool) -> None:
     some = NEAR.take(slice(0, 240))
-    assert check(values(some, ours(some), single=single)).ok
+    assert check(planted(some, single=single)).ok
 
 
 F = formulas_of(NEAR)
@@ -52,7 +34,7 @@ PLANTED = [s for s in applicable(F, SimpleNamespace(name="f"), True) if s.name n
 
 @pytest.mark.parametrize("slip", PLANTED, ids=lambda s: s.name)
 def test_a_planted_slip_is_named(slip: Any) -> None:
-    found = check(values(NEAR, evaluate(slip.change(F), NEAR).f))
+    found = check(submission(NEAR, evaluate(slip.change(F), NEAR).f, single=True))
     assert not found.ok
     assert found.slips == (slip.name,)
 
@@ -66,7 +48,7 @@ def test_falcors_values_have_the_halved_term(data: Path) -> None:
 def test_check_works_without_the_balls_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "flint", None)
     some = NEAR.take(slice(0, 60))
-    found = check(values(some, evaluate(F, some).f))
+    found = check(submission(some, evaluate(F, some).f, single=True))
     assert found.ok
     assert any("python-flint is not installed" in note for note in found.notes)
     with pytest.raises(

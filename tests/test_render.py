@@ -6,7 +6,6 @@ import importlib.util
 import json
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -136,15 +135,14 @@ def test_the_time_expected_of_a_machine_that_takes_as_long_for_every_pixel(
 
 
 @pytest.mark.alone
-def test_a_picture_takes_about_as_long_as_expected(
-    ball: Groom, use_variant: UseVariant, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    # By the time of the processor: what else a machine does is not expected.
-    monkeypatch.setattr(picture, "time", SimpleNamespace(perf_counter=time.process_time))
+def test_a_picture_takes_about_as_long_as_expected(ball: Groom, use_variant: UseVariant) -> None:
     scene = load_scene(use_variant("scalar_rgb"), ball, bsdf("brown"), technique=integrator("path"))
-    expected = expected_seconds(scene, 4)
-    assert expected is not None
-    assert 0.4 <= expected / render(scene, 4).seconds <= 2.5  # other views of the same pixels
+    ratios = []
+    for _ in range(3):  # the middle one: in between a machine may do something else
+        expected = expected_seconds(scene, 4)
+        assert expected is not None
+        ratios.append(expected / render(scene, 4).seconds)
+    assert 0.4 <= np.median(ratios) <= 2.5, ratios  # other views of the same pixels
 
 
 def test_pictures_are_written_whole(tmp_path: Path, use_variant: UseVariant) -> None:

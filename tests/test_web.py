@@ -69,14 +69,8 @@ def shoot(browser: Any, name: str) -> np.ndarray:
 
 @pytest.mark.alone
 def test_it_draws_within_a_second(opened: Any) -> None:
-    # 0.7 s where measured (docs/screenshot.py): three times that on a busy machine still passes, once in three loads.
-    first: list[float] = []
-    while len(first) < 3 and not any(milliseconds < 2500 for milliseconds in first):
-        if first:
-            opened.refresh()
-            wait(opened)
-        first.append(opened.execute_script("return cuticle.result.first"))
-    assert min(first) < 2500, first
+    # 0.7 s where measured (docs/screenshot.py): three times that on a busy machine still passes.
+    assert opened.execute_script("return cuticle.result.first") < 2500
     assert not opened.execute_script("return document.getElementById('fail').textContent")
     box = opened.execute_script(
         "const r = document.querySelector('#f .view').getBoundingClientRect(); return [r.x, r.y, r.width, r.height]"

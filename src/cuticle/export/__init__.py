@@ -1,4 +1,4 @@
-"""A fitted sampler as a file for another host: C++, CUDA, GLSL, HLSL, JSON, or a web page to look at it."""
+"""A fitted sampler, or a family, as a file for another host: `HOSTS` has their names."""
 
 from __future__ import annotations
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -31,11 +32,8 @@ def back_by(name: str, of: Any) -> Change:
 
 def without_density_behind(F: Formulas) -> Formulas:
     """Take d_b as 1 wherever it stands."""
-
-    def deviation(a: Averages, q: Any) -> Array:
-        return np.asarray(F.back.deviation(a, q) * (1 + a.a_f**2) / (1 + q.d_b * a.a_f**2))
-
-    return back(backward=lambda q: 1.0, deviation=deviation)(F)
+    one = SimpleNamespace(d_b=1.0)
+    return back(backward=lambda q: 1.0, deviation=lambda a, q: F.back.deviation(a, one))(F)
 
 
 def first_order(a: Averages) -> Array:
