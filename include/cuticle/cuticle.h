@@ -37,6 +37,7 @@
 #include "cuticle/scattering/marschner.h"
 #include "cuticle/scattering/multiple_scattering.h"
 #include "cuticle/scattering/optics.h"
+#include "cuticle/scattering/part_draw.h"
 #include "cuticle/scattering/through_draw.h"
 
 #include "cuticle/groom/density_grid.h"

@@ -168,6 +168,17 @@ template <class F, class S, class M> struct Use {
         return a.back_energy;
     }
 #endif
+#ifdef USE_scattering_part_draw
+    struct Even {
+        F level;
+        friend int node_count(const Even &) { return 9; }
+        friend F node_density(const Even &of, int) { return of.level; }
+    };
+    F part() const {
+        const ChosenPart<F> chosen = pass_part(none_chosen(F(0)), x, y, 0, 0, z, y);
+        return draw_part(chosen, Even{x}, left_of(chosen, x), y, z).theta_i;
+    }
+#endif
 #ifdef USE_scattering_through_strands
     F through() const {
         const ThroughTable<S, M> table{};
@@ -179,7 +190,7 @@ template <class F, class S, class M> struct Use {
         through_lobes(through_moments(table, place, 1, &own), x, lobes);
         lobes[0] = behind_at(table, place.row, between).alone + behind_at(table, place.row, 1).alone;
         return add_through(x, table, place, lobes, z, between) + add_through(x, table, place, lobes, z, 1) +
-               draw_azimuth(table, place, x, y, z);
+               draw_azimuth(azimuth_nodes(table, place, x, y), z);
     }
 #endif
 #ifdef USE_scattering_far_among

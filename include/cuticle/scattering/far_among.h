@@ -112,31 +112,22 @@ template <class Float, int Channels, class Scalar, class Memory>
 CUTICLE_HD Sample<Float> among_sample(Azimuthal form, const MeanStrands<Scalar, Memory> &mean,
                                       const FarAmong<Float, Channels> &field, const Float &u_part, const Float &u_theta,
                                       const Float &u_phi, Float f[Channels]) {
-    Float below = field.direct, start = Float(0), chance = field.direct, axis = Float(0), variance = Float(1),
-          part = Float(0), channel = Float(0);
-    for (int c = 0; c < Channels; ++c)
-        for (int p = 0; p <= through_parts; ++p) {
-            const Float own = field.share[c] * field.parts[c].through.energy[p];
-            const auto past = (u_part >= below) & (own > Float(0));
-            start = select(past, below, start);
-            chance = select(past, own, chance);
-            axis = select(past, field.parts[c].through.axis[p], axis);
-            variance = select(past, field.parts[c].through.variance[p], variance);
-            part = select(past, Float(p), part);
-            channel = select(past, Float(c), channel);
-            below = below + own;
-        }
-    const Float left = math::clamp(Float((u_part - start) / math::max(chance, Float(smallest<Float>))), Float(0),
-                                   Float(1 - .5 * epsilon<Float>));
+    ChosenPart<Float> chosen = none_chosen(field.direct);
+    for (int c = 0; c < Channels; ++c) {
+        const ThroughMoments<Float> &through = field.parts[c].through;
+        for (int p = 0; p <= through_parts; ++p)
+            chosen = pass_part(chosen, u_part, Float(field.share[c] * through.energy[p]), p, c, Float(through.axis[p]),
+                               Float(through.variance[p]));
+    }
+    const Float left = left_of(chosen, u_part);
     const auto direct = u_part < field.direct;
     Angles<Float> drawn = {Float(0), Float(0)};
     if (ArrayTraits<Float>::any(direct)) drawn = far_draw(form, field.alone, left, u_theta, u_phi);
     if (ArrayTraits<Float>::any(u_part >= field.direct)) {
-        const Float side = Float(2) * u_phi;
-        const Float turn = draw_azimuth(mean.through, field.place, part, channel, Float(side - math::floor(side)));
-        const Float theta_i = about_axis(axis, variance, u_theta, Float(Float(2 * pi<double>) * left));
-        drawn.theta_i = select(direct, drawn.theta_i, theta_i);
-        drawn.phi = select(direct, drawn.phi, Float(select(side < Float(1), turn, Float(-turn))));
+        const auto nodes = azimuth_nodes(mean.through, field.place, chosen.part, chosen.channel);
+        const Angles<Float> through = draw_part(chosen, nodes, left, u_theta, u_phi);
+        drawn.theta_i = select(direct, drawn.theta_i, through.theta_i);
+        drawn.phi = select(direct, drawn.phi, through.phi);
     }
     return {drawn.theta_i, drawn.phi, among_eval(form, mean, field, drawn.theta_i, drawn.phi, f)};
 }

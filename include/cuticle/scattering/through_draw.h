@@ -4,7 +4,6 @@
 #ifndef CUTICLE_SCATTERING_THROUGH_DRAW_H
 #define CUTICLE_SCATTERING_THROUGH_DRAW_H
 
-#include "cuticle/sampler/sample.h"
 #include "cuticle/scattering/through_strands.h"
 
 namespace cuticle {
@@ -86,19 +85,11 @@ template <class Float, class Scalar, class Memory>
 CUTICLE_HD Sample<Float> through_sample(const ThroughDraw<Scalar, Memory> &table, const ThroughMixture<Float> &mix,
                                         const Float &u_part, const Float &u_theta, const Float &u_phi) {
     using Index = typename ArrayTraits<Float>::Index;
-    Float below = Float(0), start = Float(0), chance = mix.share[0], axis = mix.axis[0], variance = mix.variance[0],
-          part = Float(0);
-    for (int p = 1; p < through_parts; ++p) {
-        below = below + mix.share[p - 1];
-        const auto past = (u_part >= below) & (mix.share[p] > Float(0));
-        start = select(past, below, start);
-        chance = select(past, mix.share[p], chance);
-        axis = select(past, mix.axis[p], axis);
-        variance = select(past, mix.variance[p], variance);
-        part = select(past, Float(p), part);
-    }
-    const Float left = math::clamp(Float((u_part - start) / chance), Float(0), Float(1));
-    const Float theta_i = about_axis(axis, variance, u_theta, Float(Float(2 * pi<double>) * left));
+    ChosenPart<Float> chosen = none_chosen(Float(0));
+    for (int p = 0; p < through_parts; ++p)
+        chosen = pass_part(chosen, u_part, mix.share[p], p, 0, mix.axis[p], mix.variance[p]);
+    const Float left = left_of(chosen, u_part);
+    const Float theta_i = about_axis(chosen.axis, chosen.variance, u_theta, Float(Float(2 * pi<double>) * left));
 
     const Float side = Float(2) * u_phi, u = side - math::floor(side), t = mix.azimuth_row.t;
     const auto upper = u >= Float(1) - t;
@@ -106,7 +97,7 @@ CUTICLE_HD Sample<Float> through_sample(const ThroughDraw<Scalar, Memory> &table
                                                         Float(u / math::max(Float(Float(1) - t), Float(1e-6)))),
                                                  Float(0), Float(1));
     const Index row = mix.azimuth_row.node + ArrayTraits<Float>::to_index(Float(select(upper, Float(1), Float(0))));
-    const Index first = (row * Index(through_parts) + ArrayTraits<Float>::to_index(part)) * Index(table.nodes * 2);
+    const Index first = (row * Index(through_parts) + ArrayTraits<Float>::to_index(chosen.part)) * Index(table.nodes * 2);
     const auto at = [&](int i) { return Float(ArrayTraits<Float>::gather(table.azimuth, Index(first + Index(i)))); };
     Float from = at(0), to = at(2), passed = Float(0), node = Float(0);
     for (int j = 1; j + 1 < table.nodes; ++j) {

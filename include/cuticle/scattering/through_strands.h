@@ -8,6 +8,7 @@
 
 #include "cuticle/scattering/azimuthal.h"
 #include "cuticle/scattering/longitudinal.h"
+#include "cuticle/scattering/part_draw.h"
 #include "cuticle/simd/several.h"
 
 namespace cuticle {
@@ -196,17 +197,30 @@ CUTICLE_HD Float add_through(Float sum, const ThroughTable<Scalar, Memory> &tabl
     return sum;
 }
 
-// Where between two nodes a density that is linear there has what is wanted of its integral, in half steps.
-template <class Float> CUTICLE_HD Float linear_quantile(const Float &from, const Float &to, const Float &wanted) {
-    const Float root = math::sqrt(math::max(Float(from * from + (to - from) * wanted), Float(0)));
-    return math::clamp(Float(wanted / math::max(Float(from + root), Float(smallest<Float>))), Float(0), Float(1));
+// The densities of one part in one channel, as add_through has them.
+template <class Float, class Memory> struct AzimuthNodes {
+    Memory values;
+    typename ArrayTraits<Float>::Index lower, upper;  // of fewer and of more strands
+    int nodes, node, row;                             // how many; from one to the next
+    Float between_rows, between_strands;
+};
+template <class Float, class Memory> CUTICLE_INLINE int node_count(const AzimuthNodes<Float, Memory> &of) {
+    return of.nodes;
 }
-
-// An azimuth in [0, pi] by the density of one part in one channel, as add_through has it. `part`: up to through_parts, which
-// is direct light's backscatter.
+template <class Float, class Memory> CUTICLE_INLINE Float node_density(const AzimuthNodes<Float, Memory> &of, int node) {
+    using Index = typename ArrayTraits<Float>::Index;
+    const auto seen = [&](const Index &i) {
+        return math::linear(Float(ArrayTraits<Float>::gather(of.values, i)),
+                            Float(ArrayTraits<Float>::gather(of.values, Index(i + Index(of.row)))), of.between_rows);
+    };
+    return math::convex(seen(Index(of.lower + Index(node * of.node))), seen(Index(of.upper + Index(node * of.node))),
+                        of.between_strands);
+}
+// `part`: up to through_parts, which is direct light's backscatter.
 template <class Float, class Scalar, class Memory>
-CUTICLE_HD Float draw_azimuth(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at, const Float &part,
-                              const Float &channel, const Float &u) {
+CUTICLE_HD AzimuthNodes<Float, Memory> azimuth_nodes(const ThroughTable<Scalar, Memory> &table,
+                                                     const ThroughPlace<Float> &at, const Float &part,
+                                                     const Float &channel) {
     using Index = typename ArrayTraits<Float>::Index;
     const int size = through_parts * table.channels, row = table.columns * size, slot = table.azimuth_rows * row;
     const auto direct = part > Float(lobe_count);
@@ -214,33 +228,14 @@ CUTICLE_HD Float draw_azimuth(const ThroughTable<Scalar, Memory> &table, const T
     const Index first = Index(at.arrangement * through_slots * slot) + at.azimuth_row.node * Index(row) +
                         ArrayTraits<Float>::to_index(Float(own * Float(table.channels) + channel));
     const Index scattered = first + (at.strands.node + Index(1)) * Index(slot);
-    const Index lower = select(direct, first, scattered), upper = select(direct, first, Index(scattered + Index(slot)));
-    const auto seen = [&](const Index &i) {
-        return math::linear(Float(ArrayTraits<Float>::gather(table.azimuth, i)),
-                            Float(ArrayTraits<Float>::gather(table.azimuth, Index(i + Index(row)))), at.azimuth_row.t);
-    };
-    const auto value = [&](int j) {
-        return math::convex(seen(Index(lower + Index(j * size))), seen(Index(upper + Index(j * size))), at.strands.t);
-    };
-    Float last = value(0), total = Float(0);
-    for (int j = 1; j < table.columns; ++j) {
-        const Float here = value(j);
-        total = total + last + here;
-        last = here;
-    }
-    const Float wanted = u * total;
-    Float low = value(0), high = value(1), from = low, to = high, passed = Float(0), node = Float(0), below = Float(0);
-    for (int j = 1; j + 1 < table.columns; ++j) {
-        below = below + low + high;
-        low = high;
-        high = value(j + 1);
-        const auto past = wanted >= below;
-        from = select(past, low, from);
-        to = select(past, high, to);
-        passed = select(past, below, passed);
-        node = select(past, Float(j), node);
-    }
-    return (node + linear_quantile(from, to, Float(wanted - passed))) * Float(Float(pi<double>) / Float(table.columns - 1));
+    return {table.azimuth,
+            select(direct, first, scattered),
+            select(direct, first, Index(scattered + Index(slot))),
+            table.columns,
+            size,
+            row,
+            at.azimuth_row.t,
+            at.strands.t};
 }
 
 // What hair passes on of light that meets some of it: ln of its energy in all directions on, out of 1, for rows of

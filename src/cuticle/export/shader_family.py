@@ -72,7 +72,7 @@ def _among_values(among: FamilyAmong, parameters: str) -> dict[str, object]:
     return dict(
         names=", ".join(p.split()[-1] for p in parameters.split(", ")), rows=rows, azimuth_rows=azimuth_rows,
         columns=columns, slot=12 * rows, turn_row=3 * columns, turn_slot=3 * columns * azimuth_rows,
-        first_azimuth=lobes.size // 4, first_behind=(lobes.size + azimuth.size) // 4, step=np.pi / (columns - 1),
+        first_azimuth=lobes.size // 4, first_behind=(lobes.size + azimuth.size) // 4,
         limit=among.around.limit, tilt=among.around.tilt, variance=among.around.variance, d_f=among.d_f, d_b=among.d_b,
     )  # fmt: skip
 
