@@ -27,7 +27,8 @@ def failed(report: Any) -> set[str]:
 # ---- what is right
 
 
-@pytest.mark.parametrize(("count", "most"), [(20, 6), pytest.param(100, 10, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("count", "most"), [(20, 6), (100, 10)])
 def test_right_samplers_are_not_flagged(count: int, most: int) -> None:
     rng = np.random.default_rng(7)
     low = 0

@@ -37,7 +37,9 @@ def program(name: str, compiler: str, folder: Path, *flags: str) -> None:
 
 # standalone: the core on its own. lanes: through an array type. batch: over arrays of directions. families: of lobes.
 # GCC warns of more where it optimises.
-@pytest.mark.parametrize("name", ["standalone", "lanes", "batch", "families"])
+@pytest.mark.parametrize(
+    "name", ["standalone", "batch", *(pytest.param(n, marks=pytest.mark.slow) for n in ("lanes", "families"))]
+)
 def test_compiles_without_a_warning_and_runs(name: str, tmp_path: Path) -> None:
     program(name, "g++", tmp_path, "-O1" if name in ("standalone", "batch") else "-O0")
 

@@ -103,8 +103,9 @@ def test_no_light_counts_twice_between_mirrors(bounces: int, strand: Groom, use_
     assert bounces == 1 or np.abs(one - 1).max() <= 0.02
 
 
-@pytest.mark.parametrize("kind", [pytest.param("env", marks=pytest.mark.slow), "area"])
-@pytest.mark.parametrize("counter", ["grid", pytest.param("trace", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["env", "area"])
+@pytest.mark.parametrize("counter", ["grid", "trace"])
 def test_emitter_and_bsdf_sampling_agree(kind: str, counter: str, ball: Groom, use_variant: UseVariant) -> None:
     mi = use_variant("scalar_rgb")
     runs = []

@@ -4,6 +4,6 @@
 namespace cuticle_mitsuba {
 
 template class Mixture<CUTICLE_LLVM>;
-template class Mixture<CUTICLE_CUDA>;
+CUTICLE_IF_CUDA(template class Mixture<CUTICLE_CUDA>;)
 
 }  // namespace cuticle_mitsuba

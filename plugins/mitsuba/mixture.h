@@ -82,6 +82,6 @@ cuticle::Sample<Float> Mixture<Float>::sample(const Float &theta_r, const Float 
 }
 
 extern template class Mixture<CUTICLE_LLVM>;
-extern template class Mixture<CUTICLE_CUDA>;
+CUTICLE_IF_CUDA(extern template class Mixture<CUTICLE_CUDA>;)
 
 }  // namespace cuticle_mitsuba

@@ -79,23 +79,29 @@ class _Tree:
     def split(self, box: Array, first: NDArray[np.intp], second: NDArray[np.intp], depth: int) -> None:
         """Split a box with these samples of both halves, and gather its patches."""
         start = len(self.patches)
-        axis, values = (0, self.x) if np.ptp(self.x[first]) * np.pi > np.ptp(self.y[first]) else (2, self.y)
-        at = float(np.median(values[first]))
-        below = [values[part] < at for part in (first, second)]
-        if len(first) < 2 * _LEAF or not below[0].any():  # or many samples are one
+        halves = self._halves(first, second) if len(first) >= 2 * _LEAF else None
+        if halves is None:
             self.patches.append(self._patch(box, first, second))
             self.boxes.append(box)
         else:
+            axis, at, below = halves
             lower, upper = box.copy(), box.copy()
             lower[axis + 1] = upper[axis] = at
             self.split(lower, first[below[0]], second[below[1]], depth + 1)
             self.split(upper, first[~below[0]], second[~below[1]], depth + 1)
         self.nodes.append((depth, start, len(self.patches), box))
 
+    def _halves(self, first: NDArray[np.intp], second: NDArray[np.intp]) -> tuple[int, float, list[Any]] | None:
+        """The axis and the value that halve the first samples, and which of both lie below; None where many are one."""
+        axis, values = (0, self.x) if np.ptp(self.x[first]) * np.pi > np.ptp(self.y[first]) else (2, self.y)
+        at = float(np.median(values[first]))
+        below = [values[part] < at for part in (first, second)]
+        return (axis, at, below) if below[0].any() else None
+
     def _patch(self, box: Array, first: NDArray[np.intp], second: NDArray[np.intp]) -> _Patch:
         inverse = 1 / self.pdf[first]
         whole = bool(inverse.std() <= _SPREAD * inverse.mean()) and _covers(box, self.x[first], self.y[first], inverse)
-        least = float(np.quantile(self.pdf[first], 0.0 if whole else _REST))
+        least = float(self.pdf[first].min() if whole else np.quantile(self.pdf[first], _REST))
         weight = np.minimum(least / self.pdf[second], 1e9)
         counted = np.floor(weight + self.rng.random(len(second)))
         expected = self.asked * least * float((box[1] - box[0]) * (box[3] - box[2]))

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from cuticle._support import validate
 from cuticle._support.plain_values import plain
+from cuticle._support.values import Value
 from cuticle._support.version import __version__
 from cuticle.export.family import about_family, family_writer
 from cuticle.export.headers import amalgamate
@@ -176,13 +178,18 @@ def describe(sampler: Sampler, model: Bcsdf | None) -> list[str]:
     if model is None:
         return [*lines, "Fitted to a scattering function of the user's own; its ESS is not known here."]
     lines.append(f"{_of_what(sampler, model)}; objective {sampler.about.get('objective')}.")
-    inner = MEASURED_AT[np.abs(MEASURED_AT) <= np.radians(75.01)]
-    found = []
-    for n in sampler.covers:
-        own = with_strands(model, n)
-        ess = [measure(sampler, own, float(t), n).ess for t in inner]
-        found.append(f"{n:g} strands {np.mean(ess):.4f} ({min(ess):.4f})")
+    ess_of: Callable[..., str] = _ess if isinstance(model, Value) else _ess.__wrapped__
+    found = [f"{n:g} strands {ess_of(sampler, model, n)}" for n in sampler.covers]
     return [*lines, f"ESS for |theta_r| <= 75 degrees, mean (worst): {', '.join(found)}."]
+
+
+@lru_cache(maxsize=16)  # one host is often written after another
+def _ess(sampler: Sampler, model: Bcsdf, n: float) -> str:
+    """Mean and worst ESS through n strands."""
+    own = with_strands(model, n)
+    inner = MEASURED_AT[np.abs(MEASURED_AT) <= np.radians(75.01)]
+    ess = [measure(sampler, own, float(t), n).ess for t in inner]
+    return f"{np.mean(ess):.4f} ({min(ess):.4f})"
 
 
 def _of_what(sampler: Sampler, model: Bcsdf) -> str:
