@@ -52,17 +52,19 @@ constexpr Parameter products[] = {{cuticle::lobe_weight, value_of, value_of},
                                   {cuticle::lobe_sigma_theta, by_sigma, value_of},
                                   {cuticle::lobe_sigma_phi, value_of, by_sigma}};
 
-constexpr std::size_t abreast = 4, wide = 8;  // rows and columns whose sums the registers hold
+// Rows and columns whose sums the registers hold.
+constexpr std::size_t abreast = CUTICLE_VECTOR_BYTES == 64 ? 8 : 4, wide = 8;
 
 constexpr std::size_t whole(std::size_t count, std::size_t of) { return (count + of - 1) / of * of; }
 
 // out (abreast, columns) = left (abreast, inner) right (inner, columns); columns come in multiples of `wide`.
 void multiply(const double *left, const double *right, std::size_t inner, std::size_t columns, double *out) {
     for (std::size_t c = 0; c < columns; c += wide) {
-        using Lanes = cuticle::Pack<double, wide>;
-        Lanes sum[abreast] = {Lanes(0), Lanes(0), Lanes(0), Lanes(0)};
+        using Lanes = cuticle::Pack<double, wide, CUTICLE_VECTOR_BYTES>;
+        Lanes sum[abreast];
+        for (Lanes &s : sum) s = Lanes(0);
         for (std::size_t b = 0; b < inner; ++b) {
-            const Lanes r = cuticle::load_pack<double, wide>(right + b * columns + c);
+            const Lanes r = cuticle::load_pack<double, wide, Lanes>(right + b * columns + c);
             for (std::size_t i = 0; i < abreast; ++i) sum[i] = sum[i] + Lanes(left[i * inner + b]) * r;
         }
         for (std::size_t i = 0; i < abreast; ++i)

@@ -179,11 +179,11 @@ CUTICLE_INLINE Pack<T, N, B> select(const PackMask<T, N, B> &mask, const Pack<T,
     return r;
 }
 
-template <class T, int N> CUTICLE_INLINE Pack<T, N> load_pack(const T *data) {
-    Pack<T, N> r;
+template <class T, int N, class To = Pack<T, N>> CUTICLE_INLINE To load_pack(const T *data) {
+    To r;
     CUTICLE_UNROLL
-    for (int i = 0; i < Pack<T, N>::chunks; ++i)
-        if constexpr (std::is_arithmetic_v<T>) std::memcpy(&r.v[i], data + i * Pack<T, N>::width, sizeof r.v[i]);
+    for (int i = 0; i < To::chunks; ++i)
+        if constexpr (std::is_arithmetic_v<T>) std::memcpy(&r.v[i], data + i * To::width, sizeof r.v[i]);
         else r.v[i] = data[i];
     return r;
 }
