@@ -105,7 +105,7 @@ def ess_of_brown() -> None:
     """What a single hit gains: the ESS of f·cos under uniform sampling and under the lobes that the plugin fits."""
     from cuticle.mitsuba import read_material
 
-    material = read_material({"fibre": "brown"})
+    material = read_material({"fibre": "brown", "sampling": "lobes"})
     model = Marschner(material.fibre, "energy_conserving")
     assert material.single is not None
     for name, density in (("uniform", UniformSphere()), ("lobes", material.single)):

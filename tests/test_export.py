@@ -14,7 +14,7 @@ import pytest
 
 import cuticle
 from command import refused, run
-from cuticle.export import FRAMES, MAX_TABLE, check_name, export, export_family
+from cuticle.export import FRAMES, HOSTS, MAX_TABLE, check_name, export, export_family
 from cuticle.export.headers import amalgamate, cmake_dir, include_dir
 from cuticle.export.literals import single, wrapped
 from cuticle.export.registry import Job, host
@@ -240,7 +240,7 @@ def test_the_command_writes_what_it_says(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["sampler.json", "--to", "rust", "-o", "x.rs"], "cpp, cuda, glsl, hlsl, json, metal, pbrt, slang, web, wgsl;"),
+        (["sampler.json", "--to", "rust", "-o", "x.rs"], f"{', '.join(HOSTS)};"),
         (["sampler.json", "-o", "x.h"], "--to must say for which host"),
         (["sampler.json", "--to", "cpp", "-o", "missing/x.h"], "cannot write to missing"),
         (["sampler.json", "--to", "cpp", "-o", "."], "it is a folder"),

@@ -40,7 +40,7 @@ def test_two_lobes_gain_by_the_logistic_family(fits: dict[str, cuticle.Fit]) -> 
 
 
 def test_what_a_family_does_not_go_with_is_one_line(fits: dict[str, cuticle.Fit]) -> None:
-    with pytest.raises(ValueError, match="family must be one of normal, logistic, best; got 'square'"):
+    with pytest.raises(ValueError, match=f"family must be one of {', '.join(FAMILIES)}, best; got 'square'"):
         cuticle.fit(MODEL, 2, family="square")
     with pytest.raises(ValueError, match="leave family out, got 'logistic'"):
         cuticle.fit(MODEL, form="document", family="logistic")

@@ -9,6 +9,8 @@ from typing import Any
 
 import pytest
 
+from cuticle.fitting.samplings import SAMPLINGS
+from cuticle.mitsuba.material import read_material, samplings_of
 from cuticle.render.scene import mitsuba
 from mitsuba_answers import UseVariant
 
@@ -104,3 +106,19 @@ def test_without_mitsuba_the_rest_works() -> None:
     ran = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert "cuticle.mitsuba needs mitsuba, which is not installed" in ran.stdout
     assert "pip install 'cuticle[mitsuba]'" in ran.stdout
+
+
+@pytest.mark.parametrize(
+    ("given", "offered"),
+    [
+        ({"fibre": "brown"}, ("function", "lobes", "document", "uniform")),
+        ({"fibre": "document"}, ("lobes", "document", "uniform")),
+        ({"beta_m": 0.3, "beta_n": 0.3, "eumelanin": 1.3}, ("function", "lobes", "uniform")),
+        ({"beta_m": 0.3, "beta_n": 0.01, "eumelanin": 1.3}, ("lobes", "uniform")),
+    ],
+)
+def test_what_may_be_drawn_from_is_what_is_not_refused(given: dict[str, Any], offered: tuple[str, ...]) -> None:
+    assert samplings_of(given) == offered
+    for name in set(SAMPLINGS) - set(offered):
+        with pytest.raises(ValueError, match=f"sampling {name}"):
+            read_material({**given, "sampling": name})

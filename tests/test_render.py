@@ -219,8 +219,9 @@ def test_command_line_compares(tmp_path: Path) -> None:
     assert ran.returncode == 0, ran.stderr
     result = json.loads((tmp_path / "out" / "compare.json").read_text())
     error = {(c["sampling"], c["technique"]): c for c in result["contenders"]}
-    assert len(error) == 6
+    assert len(error) == 8
     assert error["lobes", "bsdf"]["gain_over_uniform"] > 2
+    assert error["function", "bsdf"]["equal_samples"]["rel_mse"] < 0.5 * error["uniform", "bsdf"]["equal_samples"]["rel_mse"]
     assert error["uniform", "bsdf"]["gain_over_uniform"] == 1
     assert error["lobes", "mis"]["equal_samples"]["rel_mse"] < error["uniform", "mis"]["equal_samples"]["rel_mse"]
     for name in ("sheet.png", "curves.png"):

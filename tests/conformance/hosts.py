@@ -31,10 +31,14 @@ SAMPLER, EVAL, AROUND = 7, 4, 6  # columns of inputs, which say what is asked
 
 @dataclass(frozen=True)
 class Run:
-    """Runs an export over inputs, one row an answer. `reassociates`: its compiler may, in single precision."""
+    """Runs an export over inputs, one row an answer.
+
+    `reassociates`: its compiler may, in single precision. `formulas`: the file holds some, not the table alone.
+    """
 
     answers: Callable[[Export, np.ndarray, Path, Any], np.ndarray]
     reassociates: bool = False
+    formulas: bool = True
 
 
 def compiled(
@@ -392,7 +396,7 @@ HOSTS = {
     "cuda": Run(lambda made, x, folder, driver: cuda(made, x, folder)),
     "glsl": Run(glsl, reassociates=True),
     "hlsl": Run(hlsl, reassociates=True),
-    "json": Run(read_back),
+    "json": Run(read_back, formulas=False),
     "metal": Run(metal),
     "slang": Run(slang, reassociates=True),
     "wgsl": Run(wgsl, reassociates=True),

@@ -235,7 +235,7 @@ def compare_command(
     ],
     fibre: FibreOption = "brown",
     light: LightOption = "env",
-    seconds: Annotated[float, typer.Option(help="Rendering time of each of the six pictures.")] = 10.0,
+    seconds: Annotated[float, typer.Option(help="Rendering time of each picture.")] = 10.0,
     reference_spp: Annotated[int, typer.Option(help="Samples per pixel of the reference.")] = 2048,
     radius: RadiusOption = None,
     tip: TipOption = None,
@@ -249,7 +249,7 @@ def compare_command(
     variant: VariantOption = "scalar_rgb",
     json_output: JsonOption = False,
 ) -> None:
-    """Compare uniform, document and lobes sampling on one scene: errors at equal samples and at equal time."""
+    """Compare the samplings that a fibre offers on one scene: errors at equal samples and at equal time."""
     validate.number("--seconds", seconds, 0.1, 3600)
     validate.integer("--reference-spp", reference_spp, 16, 1 << 20)
     _check_groom(ctx, radius, tip, followers, spread)

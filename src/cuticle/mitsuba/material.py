@@ -6,7 +6,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 from cuticle.fitting.closed_forms import DRAFT, DocumentFunctions
-from cuticle.fitting.samplings import OWN
+from cuticle.fitting.samplings import OWN, SAMPLINGS
 from cuticle.mitsuba.function import DENSITIES, read_function, read_sampler
 from cuticle.mitsuba.parameters import Parameters
 from cuticle.sampling.combining import combine
@@ -75,6 +75,16 @@ def read_material(given: dict[str, Any]) -> Material:
         if asked.sampling == OWN:
             raise ValueError(f"sampling {OWN}: {reason}; use lobes")
     return (_of_fibre if isinstance(function, Fibre) else _of_function)(function, asked, loaded)
+
+
+def samplings_of(given: dict[str, Any]) -> tuple[str, ...]:
+    """Return from what directions may be drawn for a plugin's parameters, in the order of SAMPLINGS."""
+    asked = Parameters(**given)
+    function = read_function(asked, read_sampler(asked))
+    without = set() if isinstance(function, Fibre) else {"document"}
+    if _no_closed_form(function.model if isinstance(function, Strands) else function) is not None:
+        without.add(OWN)
+    return tuple(name for name in SAMPLINGS if name not in without)
 
 
 def _no_closed_form(function: Any) -> str | None:

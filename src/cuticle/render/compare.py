@@ -15,8 +15,8 @@ from cuticle._support import validate
 from cuticle._support.extras import needed
 from cuticle._support.files import make_directory, write_bytes, write_text
 from cuticle._support.progress import Progress, expect
-from cuticle.fitting.samplings import FITTED
 from cuticle.grooms.groom import Groom
+from cuticle.mitsuba.material import samplings_of
 from cuticle.render.picture import Image, Pass, expected_seconds, over_backdrop, passes, rel_mse, render, srgb
 from cuticle.render.scene import Light, View, bsdf, integrator, load_scene, mitsuba
 
@@ -26,7 +26,7 @@ with needed("a comparison"):
 __all__ = ["Comparison", "Contender", "compare_samplings"]
 
 _PACE_SPP = 8
-_COLOURS = {"uniform": "#8a8a8a", "document": "#d08a2c", "lobes": "#2a6fbb"}
+_COLOURS = {"uniform": "#8a8a8a", "document": "#d08a2c", "lobes": "#2a6fbb", "function": "#3d8f57"}
 
 
 class Contender(NamedTuple):
@@ -116,7 +116,7 @@ def compare_samplings(
     variant: str = "scalar_rgb",
     progress: Progress | None = None,
 ) -> Comparison:
-    """Render one scene to path depth 2 with every sampling, each for the same time, and measure the errors.
+    """Render one scene to path depth 2 with every sampling that the fibre offers, for the same time, and measure the errors.
 
     Depth 2: camera, strand, light. Beyond that the next strand's light is what varies, whatever draws the direction.
 
@@ -150,7 +150,8 @@ def compare_samplings(
         return load_scene(mi, groom, bsdf(fibre, sampling), view=view, light=light, technique=how)
 
     best = scene("lobes", "mis")
-    cases = [(s, t) for t in techniques for s in FITTED[::-1]]
+    offered = samplings_of({key: value for key, value in bsdf(fibre).items() if key != "type"})
+    cases = [(s, t) for t in techniques for s in offered[::-1]]
     long, compiling = expected_seconds(best, reference_spp), 0.0  # of the reference; of each other
     if long is None:  # a traced variant: the first pass of this size compiles, the second shows the pace
         first, second = passes(best, 2 * _PACE_SPP, step=_PACE_SPP)
@@ -215,7 +216,7 @@ def sheet(comparison: Comparison) -> bytes:
     diverging = colormaps["RdBu_r"]
 
     techniques = list(dict.fromkeys(c.technique for c in comparison.contenders))
-    columns = [*FITTED[::-1], "reference"]
+    columns = [*dict.fromkeys(c.sampling for c in comparison.contenders), "reference"]
     height, width = comparison.reference.shape[:2]
     window = _window(comparison.reference, max(min(height, width) // 5, 4))
     bright = over_backdrop(comparison.reference)
