@@ -16,7 +16,6 @@ from cuticle._support.extras import needed
 from cuticle._support.files import make_directory, write_bytes, write_text
 from cuticle._support.progress import Progress, expect
 from cuticle.grooms.groom import Groom
-from cuticle.mitsuba.material import samplings_of
 from cuticle.render.picture import Image, Pass, expected_seconds, over_backdrop, passes, rel_mse, render, srgb
 from cuticle.render.scene import Light, View, bsdf, integrator, load_scene, mitsuba
 
@@ -141,6 +140,8 @@ def compare_samplings(
         validate.choice("techniques", name, ("bsdf", "mis"))
     view, light = view or View(), light or Light()
     mi = mitsuba(variant)
+    from cuticle.mitsuba.material import samplings_of  # Mitsuba is here, else this would have ended in one line
+
     report = progress or (lambda phase, fraction: None)
     samples = {"bsdf": (0, 1), "mis": (1, 1)}
 
