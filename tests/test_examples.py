@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 import cuticle
-from conformance.hosts import nvcc, spirv_of, webgpu
+from conformance.cuda_compiler import nvcc
+from conformance.hosts import spirv_of, webgpu
 from cuticle.export import export, export_family
 from cuticle.export.headers import cmake_dir
 from cuticle.export.registry import Export

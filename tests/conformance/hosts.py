@@ -8,11 +8,9 @@ numbers are random, with f. It skips the test where what it takes is missing.
 from __future__ import annotations
 
 import base64
-import os
 import re
 import shutil
 import subprocess
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +19,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from conformance.cuda_compiler import has_gpu, nvcc, nvcc_command
 from cuticle.export.registry import Export
 from cuticle.sampling.sampler import Sampler
 
@@ -75,25 +74,6 @@ def cpp(
     """By a C++ compiler."""
     need(compiler)
     return compiled(made, x, folder, command=[compiler, "-std=c++17", *flags, *WARNINGS], precision=precision)
-
-
-def nvcc() -> str | None:
-    """CUDA's compiler: on the path, or from the package nvidia-cuda-nvcc."""
-    found = shutil.which("nvcc")
-    packaged = sorted(Path(sys.prefix).glob("lib/python*/site-packages/nvidia/cu*/bin/nvcc"))
-    return found or (str(packaged[-1]) if packaged else os.environ.get("CUDACXX"))
-
-
-def has_gpu() -> bool:
-    """Whether what nvcc makes can be run."""
-    return shutil.which("nvidia-smi") is not None
-
-
-def nvcc_command(compiler: str) -> list[str]:
-    """CUDA's compiler with warnings as errors, for the GPU at hand where there is one."""
-    command = [compiler, "-x", "cu", "-std=c++17", "-O3", "-Xcompiler", "-Wall,-Wextra", "--Werror", "all-warnings"]
-    libraries = [f"-L{folder}" for folder in sorted(Path(compiler).parents[1].glob("lib*"))]
-    return command + libraries + (["-arch=native"] if has_gpu() else [])
 
 
 def cuda(
