@@ -84,6 +84,12 @@ def test_goes_through_the_arrays_of_drjit(tmp_path: Path) -> None:
     run(str(tmp_path / "packets"))
 
 
+FAMILIES = {
+    f"cuticle/sampler/{name}.h": family
+    for name, family in re.findall(r'use\("(\w+)", (\w+)\{\}\)', (INCLUDE / "cuticle/sampler/families.h").read_text())
+}
+
+
 def used(header: str) -> str:
     """Return the macro by which instantiate.cpp is told to instantiate a header's templates."""
     return "USE_" + header.removeprefix("cuticle/").removesuffix(".h").replace("/", "_")
@@ -96,7 +102,8 @@ def instantiate(headers: list[str], *flags: str) -> list[str]:
         pytest.skip("no C++ compiler on the path")
 
     def one(header: str) -> str:
-        command = [compiler, *flags, f'-DHEADER="{header}"', f"-D{used(header)}", "-fsyntax-only", str(PROGRAM)]
+        family = [f"-DFAMILY={FAMILIES[header]}"] if header in FAMILIES else []
+        command = [compiler, *flags, *family, f'-DHEADER="{header}"', f"-D{used(header)}", "-fsyntax-only", str(PROGRAM)]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         return "" if done.returncode == 0 else f"{header} alone:\n{done.stderr}"
 
@@ -108,7 +115,8 @@ def test_every_header_stands_alone() -> None:
     """With numbers and packs; config.h and chunk.h, pack.h and lanes.h through what they are for."""
     assert instantiate(HEADERS, *FLAGS) == []
     known = set(re.findall(r"USE_\w+", PROGRAM.read_text(encoding="utf-8")))
-    without = {used(header) for header in HEADERS} - known
+    assert set(FAMILIES) <= set(HEADERS), "a family has the name of its header"
+    without = {used(header) for header in HEADERS if header not in FAMILIES} - known
     assert without == {"USE_math_config", "USE_simd_chunk", "USE_simd_pack", "USE_simd_lanes"}
     assert known <= {used(header) for header in HEADERS}
 

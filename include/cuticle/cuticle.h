@@ -19,10 +19,9 @@
 #include "cuticle/simd/several.h"
 
 #include "cuticle/sampler/batch.h"
+#include "cuticle/sampler/families.h"
 #include "cuticle/sampler/lobe_table.h"
 #include "cuticle/sampler/lobes.h"
-#include "cuticle/sampler/logistic.h"
-#include "cuticle/sampler/normal.h"
 #include "cuticle/sampler/sampler.h"
 
 #include "cuticle/scattering/azimuthal.h"

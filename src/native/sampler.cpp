@@ -1,7 +1,8 @@
 // The samplers' tables of every family, and what is done to arrays of samples.
 #include "arrays.h"
 #include "bindings.h"
-#include "families.h"
+
+#include "cuticle/sampler/families.h"
 
 #include <algorithm>
 #include <cmath>
@@ -80,7 +81,7 @@ long histogram(const In<Float> &theta, const In<Float> &phi, const In<double> &t
 
 void bind_sampler(nb::module_ &m) {
     nb::list names;
-    each_family([&](const char *name, auto family) {
+    cuticle::each_family([&](const char *name, auto family) {
         const std::string ending = nb::len(names) ? std::string("_") + name : std::string();  // Table4f_logistic
         bind_tables<float, decltype(family)>(m, ending);
         bind_tables<double, decltype(family)>(m, ending);

@@ -82,11 +82,16 @@ template <class F, class S, class M> struct Use {
         return t.pdf(z) + t.cdf(z) + t.icdf(z) + p.pdf(z) + p.cdf(z) + p.icdf(z) + e.pdf(z) + e.cdf(z) + e.icdf(z);
     }
 #endif
-#ifdef USE_sampler_logistic
-    F logistic_lobes() const {
-        const auto d = LogisticLobes::make(x, y, z, x);
-        return LogisticLobes::cdf(d, x) + LogisticLobes::icdf(d, x, y, z) + LogisticLobes::fall(x) +
-               LogisticLobes::together(LogisticLobes::along(x), LogisticLobes::along(y));
+#ifdef FAMILY  // one of families.h
+    F family() const {
+        const auto d = FAMILY::make(x, y, z, x);
+        return FAMILY::cdf(d, x) + FAMILY::icdf(d, x, y, z) + FAMILY::fall(x) +
+               FAMILY::together(FAMILY::along(x), FAMILY::along(y));
+    }
+#endif
+#ifdef USE_sampler_families
+    void families() const {
+        each_family([](const char *, auto) {});
     }
 #endif
 #ifdef USE_sampler_lobes

@@ -1,6 +1,6 @@
 """Families of lobes: the density that each coordinate of a lobe has, by the name that the core knows it by.
 
-A family is a struct in include/cuticle/sampler and a line in src/native/families.h; docs/extending/lobe_family.md adds one.
+A family is a struct in include/cuticle/sampler and a line of families.h there; docs/extending/lobe_family.md adds one.
 """
 
 from __future__ import annotations
