@@ -24,7 +24,7 @@ test: $(VENV)/.installed-test
 	$(SIDE_BY_SIDE) -m 'not slow and not alone'
 
 # What `make test` leaves out: the same claims over compilers, variants and seeds, long renders, and what measures time.
-test-all: $(VENV)/.installed-test $(VENV)/.installed-site $(VENV)/.installed-slang $(VENV)/.installed-webgpu
+test-all: $(VENV)/.installed-test $(VENV)/.installed-site $(VENV)/.installed-slang $(VENV)/.installed-webgpu $(VENV)/.installed-cuda
 	$(SIDE_BY_SIDE) -m 'slow and not alone'
 	$(PYTEST) -m alone
 
@@ -99,6 +99,12 @@ $(VENV)/.installed-webgpu: $(VENV)/.installed
 	@if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
 		{ apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends \
 			mesa-vulkan-drivers; } >/dev/null 2>&1 || echo "no Vulkan in software: tests of WGSL may be skipped"; fi
+	@touch $@
+
+# CUDA's compiler, which needs no GPU: 320 MB. NVIDIA has it for Linux and Windows.
+$(VENV)/.installed-cuda: $(VENV)/.installed
+	@$(PIP) 'nvidia-cuda-crt>=13' 'nvidia-cuda-nvcc>=13' 'nvidia-cuda-runtime>=13' 'nvidia-nvvm>=13' \
+		|| echo "no nvcc for this machine: tests that need it will be skipped"
 	@touch $@
 
 $(VENV)/.installed-lint: $(VENV)/.installed

@@ -40,12 +40,15 @@ TOGETHER = (
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mitsuba's other variants repeat what the scalar one shows, most of them after minutes of compiling: they are slow."""
+    """Mark as slow Mitsuba's other variants, which repeat what the scalar one shows after minutes of compiling, and hosts
+    whose compilers `make test` does not install.
+    """
     for item in items:
         call = getattr(item, "callspec", None)
         other = call is not None and call.params.get("variant", "scalar_rgb") != "scalar_rgb"
         large = call is not None and call.params.get("to") in ("slang", "wgsl")  # what runs them is not there in `make test`
-        if other or large or item.name in SLOW_EXAMPLES:
+        compiled = item.path.parent.name == "conformance" and "cuda" in item.name  # by nvcc, nor is that
+        if other or large or compiled or item.name in SLOW_EXAMPLES:
             item.add_marker(pytest.mark.slow)
 
 

@@ -339,6 +339,7 @@ def test_webgpu(tmp_path: Path) -> None:
     assert highlight.max() > 0.3
 
 
+@pytest.mark.slow
 def test_cuda(brown_sampler: cuticle.Sampler, tmp_path: Path) -> None:
     found = nvcc()
     if found is None:
