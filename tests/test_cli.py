@@ -126,6 +126,7 @@ def test_the_program_starts_and_ends_as_its_function_does(tmp_path: Path) -> Non
         (("fit", "brown"), "Missing option '-o'"),
         (("fit", "brown", "-o", "x", "--speed", "9"), "No such option: --speed"),
         (("check", "none.json"), "cannot read sampler none.json: No such file or directory"),
+        (("check", "brown"), "brown is a fibre, not the file of a sampler: `cuticle fit brown -o brown` makes one"),
         (("check", "cut.json"), "it ends early (truncated?)"),
         (("check", "newer.json"), "newer than 1; upgrade cuticle"),
         (("check", "good.json", "--samples", "3"), "samples must be in [10000, 1e+08], got 3"),

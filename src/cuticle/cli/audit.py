@@ -12,7 +12,7 @@ from rich.table import Table
 
 from cuticle._support import validate
 from cuticle._support.backends import check_backend
-from cuticle._support.files import check_directory, filling, read_text, write_text
+from cuticle._support.files import check_directory, filling, write_text
 from cuticle._support.progress import part
 from cuticle.checking.audit import LEVEL, SAMPLES, Audit, audit
 from cuticle.checking.compare_audits import Comparison, compare_audits
@@ -179,8 +179,7 @@ def _load(source: str, parameters: list[str], asked: _Asked) -> tuple[Any, dict[
         return from_mitsuba(source[len(MITSUBA) :], h=h, **given), {"name": f"Mitsuba's {words}, h = {h:g}"}
     path = Path(source)
     if path.is_dir() or path.suffix.lower() == ".json":
-        path = path / "sampler.json" if path.is_dir() else path
-        sampler = Sampler.from_json(read_text(path, "sampler"), source=str(path))
+        sampler = Sampler.load(path)
         n = strands if strands is not None else sampler.strands[0]
         own: dict[str, Any] = {"strands": n, "name": f"{path}, {n:g} strands"}
         try:

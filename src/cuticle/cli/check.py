@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from cuticle._support import validate
-from cuticle._support.files import read_text
 from cuticle.checking.check import check
 from cuticle.checking.verdicts import EXIT_CODES, LIMITS
 from cuticle.cli.tables import check_tables
@@ -52,8 +51,7 @@ def command(
         refuse_idle(ctx, "with -o -, which prints the report as JSON", "json_output")
     validate.integer("--samples", samples, *LIMITS["samples"])
     validate.integer("--seed", seed, *LIMITS["seed"])
-    path = sampler / "sampler.json" if sampler.is_dir() else sampler
-    loaded = Sampler.from_json(read_text(path, "sampler"), source=str(path))
+    loaded = Sampler.load(sampler)
     function = model_of(loaded, model)
     counts = None if strands is None else read_strands(strands)
     if output is not None:

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from cuticle._support import validate
-from cuticle._support.files import check_directory, check_file, make_directory, read_text, write_bytes
+from cuticle._support.files import check_directory, check_file, make_directory, write_bytes
 from cuticle.cli.terminal import STANDARD_OUTPUT, check_output, err, out, progress_bar, refuse_idle, write_output
 from cuticle.export import HOSTS, MAX_TABLE, amalgamate, check_frame, check_name, export, export_family
 from cuticle.export.family import family_writer
@@ -119,8 +119,7 @@ def command(
     frame = frame or DEFAULT_FRAME
     check_frame(frame)
     name = check_name(name, to) if name is not None else _name_of(output, to)
-    path = sampler / "sampler.json" if sampler.is_dir() else sampler
-    loaded = Sampler.from_json(read_text(path, "sampler"), source=str(path))
+    loaded = Sampler.load(sampler)
     if with_model and host(to).textured:
         _check_texture(output, f"--to {to} --with-model", f"{name}.{to}")
     if to == "web":

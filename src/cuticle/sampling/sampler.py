@@ -22,6 +22,7 @@ from cuticle.sampling.families import FAMILIES, NORMAL, PACKED, core_table, padd
 from cuticle.sampling.lobe_table import PARAMETERS, check_table
 from cuticle.scattering.bcsdf import Sample
 from cuticle.scattering.fibre import Fibre
+from cuticle.scattering.presets import PRESETS
 
 FORMAT_VERSION = 1
 
@@ -285,8 +286,12 @@ class Sampler(Value):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Sampler:
-        """Read a sampler from a JSON file, or raise ValueError with the reason."""
-        return cls.from_json(read_text(path, "sampler"), source=str(path))
+        """Read a sampler from a JSON file, or from the folder that `cuticle fit` wrote; raise ValueError with the reason."""
+        file = Path(path)
+        if not file.exists() and str(path) in PRESETS:
+            raise ValueError(f"{path} is a fibre, not the file of a sampler: `cuticle fit {path} -o {path}` makes one")
+        file = file / "sampler.json" if file.is_dir() else file
+        return cls.from_json(read_text(file, "sampler"), source=str(file))
 
     @classmethod
     def from_json(cls, text: str, *, source: str = "sampler") -> Sampler:
