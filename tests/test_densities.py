@@ -121,7 +121,7 @@ def test_single_precision_follows_double(density: Density) -> None:
     ("arguments", "words"),
     [
         ((5.0, 0.0, np.nan), "sigma must lie in"),
-        ((5.0, 0.0, 0.0), "got 0 at sigma"),
+        ((5.0, 0.0, 0.0), "sigma must lie in [1e-05, 1e+09], got 0;"),
         ((np.nan, 0.0, 1.0), "x must lie in"),
         ((0.0, np.inf, 1.0), "mean must lie in"),
         (("a", 0.0, 1.0), "x must be an array of numbers"),
@@ -207,7 +207,7 @@ def test_a_fits_derivatives_of_every_family(family: str, even: bool, price: floa
 
 def test_a_family_that_is_none_is_refused() -> None:
     x = np.ones((1, 1, 1))
-    with pytest.raises(ValueError, match='no family of lobes is called "cauchy"'):
+    with pytest.raises(ValueError, match='no family of lobes is called "square"'):
         _core.normal_equations(
-            x, x, x, x, x, np.ones((1, 5, 1)), True, 1.0, 0.0, np.empty(1), np.empty(0), np.empty(0), family="cauchy"
+            x, x, x, x, x, np.ones((1, 5, 1)), True, 1.0, 0.0, np.empty(1), np.empty(0), np.empty(0), family="square"
         )

@@ -209,7 +209,10 @@ class Flat:
         (lambda m: fit(m, form="gauss"), "form must be one of lobes, document; got 'gauss'"),
         (lambda m: fit(m, objective="red"), "objective must be one of luminance, rgb; got 'red'"),
         (lambda m: fit(m, form="document", defensive=1.0), "defensive must be in [0, 0.99], got 1"),
-        (lambda m: fit("brown"), "model must have eval(theta_i, theta_r, phi), got str"),
+        (
+            lambda m: fit("brown"),
+            "model must have eval(theta_i, theta_r, phi), got str; Marschner(Fibre.preset('brown')) is one",
+        ),
         (lambda m: fit(Marschner(Fibre.preset("black")), strands=[0, 1]), "Marschner knows no strands"),
         (lambda m: fit(Marschner(Fibre.preset("black")), strands="auto"), "Marschner knows no strands"),
         (lambda m: fit(m, strands="all"), "strands must be a list of counts such as [0, 1, 2, 4, 8], got 'all'"),

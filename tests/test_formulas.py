@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cuticle.export.formulas import Library, SubsetError, headers, print_formulas
-from cuticle.export.formulas.printer import wrap
+from cuticle.export.formulas.printer import Printer, wrap
 from cuticle.export.formulas.tree import Vector
 from cuticle.export.hosts.glsl import Glsl
 from cuticle.export.hosts.hlsl import Hlsl
+from cuticle.export.hosts.metal import Metal
+from cuticle.export.hosts.wgsl import Wgsl
 
 
 def glsl(text: str, host: str = "float f(float x) { return g(x); }", **options: object) -> str:
@@ -216,3 +219,22 @@ def test_an_instance_is_named_in_the_order_of_its_template() -> None:
     text = f"template <{', '.join(f'bool {n}' for n in names)}, class Float> Float h(const Float &x) {{ return x * x; }}"
     text += "template <class Float> Float g(const Float &x) { return h<true, true, true, true, true>(x); }"
     assert f"n_h_{'_'.join(names)}(" in glsl(text)
+
+
+@pytest.mark.parametrize("printer", [Glsl, Hlsl, Metal, Wgsl])
+def test_the_family_of_lobes_that_a_page_adds_is_printed(printer: type[Printer]) -> None:
+    """docs/extending/lobe_family.md says that exports carry it: all that a sampler asks of it."""
+    page = (Path(__file__).parents[1] / "docs/extending/lobe_family.md").read_text(encoding="utf-8")
+    family = page[page.index("struct CauchyLobes") : page.index("int main()")].replace("cuticle::", "")
+    library = headers().copy()
+    library.add("namespace cuticle {" + family + "}")
+    host = """
+    float f(float x) {
+        const DensityOf<CauchyLobes, float> a = make_theta<CauchyLobes>(x, x), b = make_phi<CauchyLobes>(x, x, false);
+        const float scale = lobe_scale<CauchyLobes>(x, a.rate * b.rate, a.mass * b.mass, a.under * b.under, false);
+        const ChosenLobe<float, CauchyLobes> chosen = {a, b};
+        const Sample<float> drawn = draw(chosen, x, x, false);
+        return lobe_density<CauchyLobes>(a, b, scale, drawn.theta_i, drawn.phi, false);
+    }
+    """
+    assert "atan" in print_formulas(host, printer("n"), library=library)

@@ -129,11 +129,9 @@ def array(
     slack = 0.0 if open_end else 4 * float(np.finfo(x.dtype).eps) * max(abs(low), abs(high))
     at = _core.first_outside(x, float(low) - slack, float(high) + slack, open_end)
     if at >= 0:
-        place = f"[{', '.join(map(str, np.unravel_index(at, x.shape)))}]" if x.ndim else ""
+        place = f" at {name}[{', '.join(map(str, np.unravel_index(at, x.shape)))}]" if x.ndim else ""
         close = ")" if open_end else "]"
-        raise ValueError(
-            f"{name} must lie in [{low:.6g}, {high:.6g}{close}, got {float(x.flat[at]):.6g} at {name}{place}; {remedy}"
-        )
+        raise ValueError(f"{name} must lie in [{low:.6g}, {high:.6g}{close}, got {float(x.flat[at]):.6g}{place}; {remedy}")
     return x
 
 

@@ -70,7 +70,11 @@ def strands_of(model: object) -> float:
 def check_model(model: object) -> None:
     """Raise TypeError if `model` is not a scattering function."""
     if not callable(getattr(model, "eval", None)):
-        raise TypeError(f"model must have eval(theta_i, theta_r, phi), got {type(model).__name__}")
+        remedy = {
+            "Fibre": "; Marschner(fibre) is what it scatters, DualScattering(fibre) the same among strands",
+            "str": "; Marschner(Fibre.preset('brown')) is one",
+        }.get(type(model).__name__, "")
+        raise TypeError(f"model must have eval(theta_i, theta_r, phi), got {type(model).__name__}{remedy}")
 
 
 def with_strands(model: Any, strands: float) -> Any:
