@@ -128,7 +128,7 @@ class Formulas:
 
 @dataclass(frozen=True)
 class Evaluated:
-    """Values of cases: parts (n, lobes, channels) and f (n, channels) in 1/sr, pdf (n,), NaN where there is none or it was not asked for."""
+    """Values of cases: parts (n, lobes, channels) and f (n, channels) in 1/sr; pdf (n,), NaN where there is none."""
 
     parts: Array
     f: Array

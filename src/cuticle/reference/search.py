@@ -106,8 +106,8 @@ def search(F: Formulas, quantity: Quantity, inputs: Inputs, right: Array, progre
     some, few = inputs.take(rows), quantity.take(rows)
     table = applicable(F, quantity, inputs.near)
 
-    def tried(slips: tuple[Slip, ...]) -> Hypothesis:
-        return _judge(slips, few, value_of(changed(F, slips), some, few, ROUGHLY))
+    def tried(slips: tuple[Slip, ...], panels: int = ROUGHLY) -> Hypothesis:
+        return _judge(slips, few, value_of(changed(F, slips), some, few, panels))
 
     start = _judge((), few, right[rows])
     frontier, singles, alternatives, best = [start], [start], [], start
@@ -121,6 +121,8 @@ def search(F: Formulas, quantity: Quantity, inputs: Inputs, right: Array, progre
                     seen[key] = tried((*h.slips, slip))
             progress((depth + (k + 1) / len(frontier)) / MOST_TOGETHER)
         found = sorted(seen.values(), key=lambda h: h.score)
+        if found and not found[0].explains:  # the rough quadrature may have hidden it
+            found = sorted([tried(found[0].slips, PANELS), *found[1:]], key=lambda h: h.score)
         singles = singles if depth else found
         if not found or found[0].score > _PROGRESS[inputs.near] * best.score:
             break
