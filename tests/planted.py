@@ -9,6 +9,7 @@ import numpy as np
 import cuticle
 from cuticle.reference import Submission
 from cuticle.reference.cases import ANGLES, Inputs
+from cuticle.scattering.bcsdf import luminance
 
 Row = dict[str, float]
 
@@ -52,6 +53,19 @@ def function(inputs: Inputs, row: Row) -> cuticle.Bcsdf:
     return cuticle.DualScattering(own).with_strands(row["strands"])
 
 
+def directional_albedo(inputs: Inputs, row: Row) -> float:
+    """Return the luminance of the integral of f cos theta_i over directions, summed over a grid of the core's f."""
+    own = function(inputs, row)
+    t, w = np.polynomial.legendre.leggauss(12)
+    edges = np.unique(np.concatenate([np.linspace(-np.pi / 2, np.pi / 2, 41), np.geomspace(1e-4, 0.05, 6) - np.pi / 2]))
+    edges = np.unique(np.concatenate([edges, -edges]))
+    half, middle = np.diff(edges)[:, None] / 2, (edges[1:] + edges[:-1])[:, None] / 2
+    theta, weight = (middle + half * t).ravel(), (half * w).ravel()
+    phi = (np.arange(360) + 0.5) * np.pi / 180 - np.pi
+    light = luminance(own.eval(theta[:, None], row["theta_r"], phi))
+    return float((light.mean(axis=1) * 2 * np.pi * np.cos(theta) ** 2 * weight).sum())
+
+
 def submission(inputs: Inputs, f: np.ndarray | None = None, pdf: np.ndarray | None = None, *, single: bool) -> Submission:
     """Return values of f (n, channels), of the density (n,), or of both, as a file of them would be read."""
     n = len(inputs)
@@ -70,7 +84,13 @@ def planted(inputs: Inputs, slips: tuple[str, ...] = (), *, density: bool = Fals
         for slip in slips:
             row = INPUTS.get(slip, dict)(row)
         own = function(inputs, row)
-        value = (own.pdf if density else own.eval)(*(row[k] for k in ANGLES))  # type: ignore[attr-defined]
+        angles = tuple(row[k] for k in ANGLES)
+        if not density:
+            value = own.eval(*angles)
+        elif inputs.model == "chiang":
+            value = own.pdf(*angles)  # type: ignore[attr-defined]
+        else:
+            value = luminance(own.eval(*angles)) * np.cos(row["theta_i"]) / directional_albedo(inputs, row)
         found.append(np.prod([FACTORS[s](given) for s in slips if s in FACTORS]) * value)
     values = np.array(found)
     return submission(inputs, single=single, **({"pdf": values} if density else {"f": values}))

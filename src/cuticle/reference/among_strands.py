@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,23 +12,11 @@ from scipy import special
 
 from cuticle._support.quadrature import gauss_legendre
 from cuticle.reference.cases import Inputs
-from cuticle.reference.formulas import Evaluated, Formulas, arguments, evaluate_fibre, marschner, optics
+from cuticle.reference.formulas import Evaluated, Formulas, along, arguments, evaluate_fibre, marschner, optics, unchanged
+from cuticle.reference.strand_averages import Averages, averages
 
 Array = NDArray[np.float64]
 LOBES = ("R", "TT", "TRT", "back")
-_REACH = 9.5  # deviations of a Gaussian that are integrated over
-_TURNS = range(-8, 9)  # half turns at which a triangle wave has its kinks
-
-
-class Averages(NamedTuple):
-    """What a fibre does to light on average, (n, channels): energies on and back, their mean shifts and widths."""
-
-    a_f: Array
-    a_b: Array
-    alpha_f: Array
-    alpha_b: Array
-    beta_f: Array
-    beta_b: Array
 
 
 @dataclass(frozen=True)
@@ -77,16 +64,6 @@ def dual_scattering() -> Formulas:
     return replace(marschner(conserving=False), back=Back())
 
 
-def triangle(x: Array, beta: Array) -> Array:
-    """Return |x|/pi, periodic, smoothed by a normal distribution of deviation beta: the share of light that goes on."""
-    total = np.zeros(np.broadcast_shapes(np.shape(x), np.shape(beta)))
-    for k in _TURNS:
-        d = x - k * np.pi
-        smooth = d * special.erf(d / (beta * np.sqrt(2))) + beta * np.sqrt(2 / np.pi) * np.exp(-(d**2) / (2 * beta**2))
-        total = total + (-1) ** k * smooth
-    return np.asarray(total / np.pi - _TURNS.stop + 1)
-
-
 def half_turn(x: Array, beta: Array) -> Array:
     """Return the mean of a wrapped normal density over x ± pi/2."""
     total = np.zeros(np.broadcast_shapes(np.shape(x), np.shape(beta)))
@@ -97,85 +74,47 @@ def half_turn(x: Array, beta: Array) -> Array:
     return np.asarray(total / (2 * np.pi))
 
 
-def _energies(F: Formulas, q: Any, theta: Array) -> tuple[Array, Array]:
-    """Return ½ ∫ A_p dh that goes on and back at inclinations theta (n, 1): (n, lobes, channels)."""
-    gamma, weight = gauss_legendre(np.linspace(0, np.pi / 2, 25), 8)
-    q.h = np.sin(gamma)[None, :]
-    energies, ray = optics(replace(F, inclination=lambda _: theta), q)
-    forward, backward = [], []
-    for p, a in enumerate(energies):
-        light = a * (weight * np.cos(gamma))[None, :, None]
-        on = triangle(F.azimuth(p, ray) - 2 * np.pi * (p == 2), np.radians(q.beta_N))[..., None]
-        forward.append((light * on).sum(axis=1))
-        backward.append((light * (1 - on)).sum(axis=1))
-    return np.stack(forward, axis=1), np.stack(backward, axis=1)
-
-
-def averages(inputs: Inputs) -> Averages:
-    """Return the averages at theta_d of each case, by quadrature over the other inclination and the width."""
-    names = [n for n in inputs.columns if n not in ("phi", "strands", "d_f", "d_b", "theta_i", "theta_r")]
-    twice = inputs.columns["theta_r"] - inputs.columns["theta_i"]
-    key = np.column_stack([twice, *(inputs.columns[n] for n in names), inputs.sigma_a])
-    _, first, back = np.unique(key, axis=0, return_index=True, return_inverse=True)
-    return Averages(*(x[back.ravel()] for x in _averages(inputs.take(first))))
-
-
-@lru_cache(maxsize=8)
-def _averages(inputs: Inputs) -> Averages:
-    F, q = marschner(conserving=False), arguments(inputs)
-    here = (q.theta_r - q.theta_i) / 2
-    z, weight = gauss_legendre(np.linspace(-1, 1, 9), 6)
-    forward, backward = [], []
-    for p, (alpha, variance) in enumerate(zip(F.tilts(q), F.variances(q), strict=True)):
-        beta = np.sqrt(variance)
-        low = np.maximum(2 * (alpha - _REACH * beta) - here, -np.pi / 2)
-        high = np.minimum(2 * (alpha + _REACH * beta) - here, np.pi / 2)
-        ends = (high - low) / 2
-        total = np.zeros((2, len(inputs), inputs.channels))
-        for node, w in zip(z, weight, strict=True):
-            other = (low + high) / 2 + ends * node
-            half, difference = (other + here) / 2, (here - other) / 2
-            m = np.exp(-((half - alpha) ** 2) / (2 * variance)) / np.sqrt(2 * np.pi * variance) / np.cos(difference) ** 2
-            factor = w * ends * m * np.cos(other) * np.cos(here) * (ends > 0)
-            on, off = _energies(F, q, difference)
-            total += np.stack([factor * on[:, p], factor * off[:, p]])
-        forward.append(total[0])
-        backward.append(total[1])
-    (a_f, alpha_f, beta_f), (a_b, alpha_b, beta_b) = _moments(F, q, forward), _moments(F, q, backward)
-    return Averages(a_f, a_b, alpha_f, alpha_b, beta_f, beta_b)
-
-
-def _moments(F: Formulas, q: Any, energy: list[Array]) -> tuple[Array, Array, Array]:
-    total = np.maximum(sum(energy), 1e-30)
-    shift = sum(e * t for e, t in zip(energy, F.tilts(q), strict=True)) / total
-    width = sum(e * np.sqrt(v) for e, v in zip(energy, F.variances(q), strict=True)) / total
-    return np.asarray(total), np.asarray(shift), np.asarray(width)
-
-
-def among_strands(F: Formulas, inputs: Inputs) -> Evaluated:
+def among_strands(F: Formulas, inputs: Inputs, detail: int = 1) -> Evaluated:
     """Return dual scattering of all cases: lit directly, through strands, or a blend below one strand."""
-    B: Back = F.back
     with np.errstate(all="ignore"):
-        a, q = averages(inputs), arguments(inputs)
-        single = evaluate_fibre(replace(F, back=None, finish=lambda q, f: f), inputs)
-        lit, count = np.clip(1 - q.strands, 0, 1), np.maximum(q.strands, 1)
-        share = B.density(q) * (1 - lit) * B.transmittance(a, count)
-        difference = (q.theta_r - q.theta_i) / 2
-
-        def m(shift: Array, variance: Array) -> Array:
-            half = (q.theta_i + q.theta_r) / 2 - shift
-            return np.asarray(np.exp(-(half**2) / (2 * variance)) / np.sqrt(2 * np.pi * variance) / np.cos(difference) ** 2)
-
-        energies, ray = optics(F, arguments(inputs))
+        a, q = averages(F, inputs, detail), arguments(inputs)
+        single = evaluate_fibre(replace(F, back=None, finish=unchanged), inputs)
+        energies, ray = optics(F, q)
         gamma, weight = gauss_legendre(np.linspace(-np.pi / 2, np.pi / 2, 97), 8)
-        parts, spread, beta = [], B.spread(a, count), np.radians(q.beta_N)
-        for p, (alpha, variance) in enumerate(zip(F.tilts(q), F.variances(q), strict=True)):
+        across, scale = (weight * np.cos(gamma) / 2)[None, :, None], F.scale(q)
+        spread, light = [], [(energy * across).sum(axis=1) for energy in energies]
+        for p in range(len(F.lobes)):
             x = F.wrap(q.phi - F.azimuth(p, ray))
-            density = half_turn(x, beta) if B.half_turn else F.density(x, beta)
-            n = (density[..., None] * energies[p] * (weight * np.cos(gamma) / 2)[None, :, None]).sum(axis=1)
-            parts.append(lit * single.parts[:, p] + share * m(alpha, variance + spread) * n)
-        back, variance = B.backward(q) * B.direct_factor * B.energy(a), B.deviation(a, q) ** 2
-        behind = lit * back * m(B.shift(a), variance) + share * B.spread_factor * back * m(B.shift(a), variance + spread)
-        stacked = np.stack([*parts, behind], axis=1)
+            density = half_turn(x, scale) if F.back.half_turn else F.density(x, scale)
+            spread.append((density[..., None] * energies[p] * across).sum(axis=1))
+        stacked = combined(F, inputs, a, list(single.parts.transpose(1, 0, 2)), spread)
         f = F.finish(q, stacked.sum(axis=1))
-    return Evaluated(stacked, f, np.full(len(inputs), np.nan), single.around, single.mean)
+        everywhere = [m * e for m, e in zip(along(F, q), light, strict=True)]
+        mean = combined(F, inputs, a, everywhere, light, turn=2 * np.pi).sum(axis=1) / (2 * np.pi)
+    return Evaluated(stacked, f, np.full(len(inputs), np.nan), single.around, mean)
+
+
+def combined(
+    F: Formulas, inputs: Inputs, a: Averages, direct: Sequence[Array], spread: Sequence[Array], turn: float = 1.0
+) -> Array:
+    """Return the parts of f among strands, (n, lobes and back, channels).
+
+    `direct` are the strand's own, (n, channels), `spread` the azimuthal parts of light that comes evenly over half a turn;
+    or both integrated over `turn`, the azimuths.
+    """
+    B: Back = F.back
+    q = arguments(inputs, 1)
+    lit, count = np.clip(1 - q.strands, 0, 1), np.maximum(q.strands, 1)
+    share, wider = B.density(q) * (1 - lit) * B.transmittance(a, count), B.spread(a, count)
+    difference = (q.theta_r - q.theta_i) / 2
+
+    def m(shift: Array, variance: Array) -> Array:
+        half = (q.theta_i + q.theta_r) / 2 - shift
+        return np.asarray(np.exp(-(half**2) / (2 * variance)) / np.sqrt(2 * np.pi * variance) / np.cos(difference) ** 2)
+
+    parts = []
+    for p, (alpha, variance) in enumerate(zip(F.tilts(q), F.variances(q), strict=True)):
+        parts.append(lit * direct[p] + share * m(alpha, variance + wider) * spread[p])
+    back, variance = B.backward(q) * B.direct_factor * B.energy(a) * turn, B.deviation(a, q) ** 2
+    behind = lit * back * m(B.shift(a), variance) + share * B.spread_factor * back * m(B.shift(a), variance + wider)
+    return np.stack([*parts, behind], axis=1)

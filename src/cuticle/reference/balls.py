@@ -20,8 +20,10 @@ BITS = 128  # of working precision; values are told to DIGITS
 DIGITS = 25
 GOAL = 2.0**-66  # of a quadrature: its error over the size that the caller expects
 _ORDERS = (6, 8, 10, 12, 14, 16, 20, 24, 28, 32, 40, 48, 64)  # of Gauss-Legendre rules
-_RHO = 2.5  # of the Bernstein ellipse in which the integrand is bounded
-_DEEPEST = 60
+RHO = 2.5  # of the Bernstein ellipse in which the integrand is bounded
+DEEPEST = 60  # halvings of a panel
+# Of each order: what its error is at most, over half the panel's length times the largest value in the ellipse.
+DECAYS = tuple((n, 64 / 15 * RHO ** (-2 * n) / (1 - RHO**-2)) for n in _ORDERS)
 
 
 def flint() -> Any:
@@ -40,6 +42,21 @@ def working_precision(bits: int = BITS) -> Iterator[None]:
         yield
     finally:
         context.prec = before
+
+
+def root(x: Ball) -> Ball:
+    """Return the square root; not finite for a complex ball that meets its cut."""
+    return x.sqrt() if isinstance(x, flint().arb) else x.sqrt(analytic=True)
+
+
+def square(x: Ball) -> Ball:
+    """Return x². Of a wide real ball, or a box's sides, no square is taken for negative."""
+    if not isinstance(x, flint().arb):
+        return flint().acb(square(x.real) - square(x.imag), 2 * x.real * x.imag)
+    if x.rad() < 1e-6:
+        return x * x
+    low, high = x.abs_lower(), x.abs_upper()
+    return (low * low).union(high * high)
 
 
 def told(ball: Ball) -> tuple[str, str]:
@@ -83,22 +100,21 @@ def integrate(f: Integrand, a: Ball, b: Ball, sizes: Sequence[float]) -> list[Ba
     module = flint()
     arb, acb = module.arb, module.acb
     goals = [max(s, 1e-300) * GOAL for s in sizes]
-    decay = [(n, 64 / 15 * _RHO ** (-2 * n) / (1 - _RHO**-2)) for n in _ORDERS]
     total = [arb(0)] * len(goals)
     todo = [(a, b, 0)]
     whole = b - a
     while todo:
         low, high, depth = todo.pop()
         middle, r = (low + high) / 2, (high - low) / 2
-        across, up = r * (_RHO + 1 / _RHO) / 2, r * (_RHO - 1 / _RHO) / 2
+        across, up = r * (RHO + 1 / RHO) / 2, r * (RHO - 1 / RHO) / 2
         box = acb(middle + arb(0, 1) * across, arb(0, 1) * up)
         largest = [value.abs_upper() for value in f(box)]
         needed = None
         if all(m.is_finite() for m in largest):
             worst = max(float((m * whole / 2 / g).str(4, radius=False)) for m, g in zip(largest, goals, strict=True))
-            needed = next(((n, d) for n, d in decay if d * worst <= 1), None)
+            needed = next(((n, d) for n, d in DECAYS if d * worst <= 1), None)
         if needed is None:
-            if depth >= _DEEPEST:
+            if depth >= DEEPEST:
                 raise ArithmeticError("a quadrature did not converge: the integrand is not smooth on its panel")
             todo += [(low, middle, depth + 1), (middle, high, depth + 1)]
             continue

@@ -80,15 +80,16 @@ def check(
     if f_cos:
         given = replace(given, f=given.f / np.cos(inputs.columns["theta_i"])[:, None])
     report("the reference", 0.02)
-    right = evaluate(F, inputs)
+    wanted = bool(np.isfinite(given.pdf).any())
+    right = evaluate(F, inputs, density=wanted)
+    given, notes = _where_a_density_is(given, right) if wanted else (given, [])
     chosen = precision if precision != "auto" else "single" if given.single else "double"
     why = "as asked" if precision != "auto" else "no value has over nine digits" if given.single else "by the values' digits"
-    notes, right = _certified(F, inputs, given, right)
+    note, right = _certified(F, inputs, given, right)
+    notes = [note, *notes]
     report("the reference", 0.1)
     columns = [("f", given.f), ("pdf", given.pdf[:, None])]
-    if not F.normalised and np.isfinite(given.pdf).any():
-        notes.append("the reference has no density of this function: the column pdf is not checked")
-    kept = [(n, v) for n, v in columns if np.isfinite(v).any() and (n == "f" or F.normalised)]
+    kept = [(n, v) for n, v in columns if np.isfinite(v).any()]
     checked = []
     for k, (name, v) in enumerate(kept):
         q = quantity(name, v, F, inputs, right, chosen, tolerance)
@@ -114,33 +115,45 @@ def _tolerance_text(inputs: Inputs, precision: str, tolerance: float | None) -> 
     )
 
 
-def _certified(F: Formulas, inputs: Inputs, given: Submission, right: Evaluated) -> tuple[list[str], Evaluated]:
+def _where_a_density_is(given: Submission, right: Evaluated) -> tuple[Submission, list[str]]:
+    """Leave out densities of cases that have none, and say so."""
+    missing = np.isfinite(given.pdf) & ~np.isfinite(right.pdf)
+    if not missing.any():
+        return given, []
+    cases = ", ".join(str(n) for n in given.rows[missing][:5]) + (" …" if missing.sum() > 5 else "")
+    note = f"{missing.sum()} densities are not checked: f has no integral over directions in case {cases}"
+    return replace(given, pdf=np.where(missing, np.nan, given.pdf)), [note]
+
+
+def _certified(F: Formulas, inputs: Inputs, given: Submission, right: Evaluated) -> tuple[str, Evaluated]:
     """Compare double precision with proven values, where values are furthest off and at random; return a note on it."""
-    count = _PROVEN_ROWS[inputs.near] if F.back is None else 2
+    wanted = bool(np.isfinite(given.pdf).any())
+    count = 2 if F.back is not None else 4 if wanted and not F.normalised else _PROVEN_ROWS[inputs.near]
     with np.errstate(all="ignore"):
         off = np.nanmax(np.nan_to_num(np.abs(given.f / right.f - 1), nan=0.0), axis=1)
-    rows = np.unique(
-        np.concatenate([np.argsort(-off)[: count // 2], np.random.default_rng(2).permutation(len(inputs))[:count]])
-    )
-    rows, worst, f = rows[:count], 0.0, right.f.copy()
+    others = np.random.default_rng(2).permutation(len(inputs))
+    rows = list(dict.fromkeys([*np.argsort(-off)[: count // 2].tolist(), *others.tolist()]))[:count]
+    some, worst, f, pdf = inputs.take(rows), 0.0, right.f.copy(), right.pdf.copy()
     try:
         with working_precision():
-            for i in rows:
-                proven = values_of(inputs, int(i), right)
-                exact = np.array([float(proven.f(c).mid()) for c in range(inputs.channels)])
-                seen = exact > 1e-280
-                worst = max([worst, *np.abs(f[i][seen] / exact[seen] - 1)])
-                f[i] = exact
+            for k, i in enumerate(rows):
+                proven = values_of(some, k, right.around[i].tolist(), density=wanted)
+                exact, density = np.array([float(proven.f(c).mid()) for c in range(inputs.channels)]), proven.pdf()
+                if density is not None:
+                    exact = np.append(exact, float(density.mid()))
+                double, seen = np.append(f[i], pdf[i])[: len(exact)], exact > 1e-280
+                worst = max([worst, *np.abs(double[seen] / exact[seen] - 1)])
+                f[i] = exact[: inputs.channels]
+                pdf[i] = pdf[i] if density is None else exact[-1]
     except MissingExtraError:
-        return ["python-flint is not installed: double precision is not compared with proven values"], right
+        return "python-flint is not installed: double precision is not compared with proven values", right
     if worst > _AGREE:
         raise ArithmeticError(
             f"the reference in double precision is off by {worst:.1e} from its proven value: please report it"
         )
-    what = "values of estimated error" if F.back is not None else "values of proven error"
-    return [f"the reference: {len(rows)} cases recomputed as {what}; double precision agrees to {worst:.1e}"], replace(
-        right, f=f
-    )
+    kind = "proven error (the density's is estimated)" if wanted and F.back is not None else "proven error"
+    note = f"the reference: {len(rows)} cases recomputed as values of {kind}; double precision agrees to {worst:.1e}"
+    return note, replace(right, f=f, pdf=pdf)
 
 
 def _check(F: Formulas, q: Quantity, given: Submission, right: Evaluated, tolerance: str, progress: Progress) -> Checked:

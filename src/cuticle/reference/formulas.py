@@ -6,7 +6,7 @@ compares it with `proven.py` on some of the cases each time it is used.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from types import SimpleNamespace
@@ -75,6 +75,11 @@ def _chiang_scale(q: Any) -> Array:
     return np.asarray(np.sqrt(np.pi / 8) * (0.265 * n + 1.194 * n**2 + 5.372 * n**22))
 
 
+def unchanged(q: Any, value: Array) -> Array:
+    """Return a value as it is."""
+    return value
+
+
 @dataclass(frozen=True)
 class Formulas:
     """A model's formulas: `q` holds the inputs, arrays of shape (cases, 1), and h (cases, offsets)."""
@@ -88,7 +93,7 @@ class Formulas:
     closed: bool  # whether the orders past TRT are in TRT
     lobes: tuple[str, ...]
     over_cosine: bool  # whether f = M N / cos theta_i; else M N
-    normalised: bool  # whether the integral of f cos theta_i is that of A: there is a pdf
+    normalised: bool  # whether the integral of f cos theta_i is that of A, and no other is needed for the pdf
     sides: Callable[[Any, Array], tuple[Array, Array]] = lambda q, tilt: (q.theta_i, tilt - q.theta_r)
     offset: Callable[[Any], Array] = lambda q: q.h
     log_i0: Callable[[Array], Array] = _log_i0
@@ -103,9 +108,9 @@ class Formulas:
     wrap: Callable[[Array], Array] = lambda x: x - 2 * np.pi * np.rint(x / (2 * np.pi))
     rest_density: float = 1 / (2 * np.pi)
     offset_weight: Callable[[Array], Array] = lambda gamma: np.cos(gamma) / 2
-    finish: Callable[[Any, Array], Array] = lambda q, f: f
+    finish: Callable[[Any, Array], Array] = unchanged
     pdf_weights: Callable[[int], Array] = luminance_weights
-    finish_pdf: Callable[[Any, Array], Array] = lambda q, p: p
+    finish_pdf: Callable[[Any, Array], Array] = unchanged
     back: Any = None  # dual scattering: the formulas of among_strands.py
 
     @property
@@ -123,7 +128,7 @@ class Formulas:
 
 @dataclass(frozen=True)
 class Evaluated:
-    """Values of cases: parts (n, lobes, channels) and f (n, channels) in 1/sr, pdf (n,), NaN where it is not defined."""
+    """Values of cases: parts (n, lobes, channels) and f (n, channels) in 1/sr; pdf (n,), NaN where there is none."""
 
     parts: Array
     f: Array
@@ -191,28 +196,31 @@ def _rows(F: Formulas, inputs: Inputs, panels: int) -> Evaluated:
     q = arguments(inputs, panels)
     energies, ray = optics(F, q)
     weight = np.ones((1, 1)) if q.near else (_offsets(panels)[1] * F.offset_weight(_offsets(panels)[0]))[None, :]
-    scale, tilts, variances = F.scale(q), F.tilts(q), F.variances(q)
-    lum = F.pdf_weights(inputs.channels)
+    scale, lum = F.scale(q), F.pdf_weights(inputs.channels)
     around, parts, mean = [], [], np.zeros((len(inputs), inputs.channels))
     pdf, whole = np.zeros((len(inputs), 1)), np.zeros((len(inputs), 1))
-    for p in range(len(F.lobes)):
+    for p, m in enumerate(along(F, q)):
         n = F.rest_density * np.ones_like(ray.gamma_t) if p == 3 else F.density(F.wrap(q.phi - F.azimuth(p, ray)), scale)
-        theta, cone = F.sides(q, tilts[p])
-        m = F.longitudinal(F, q, theta, cone, variances[p])
         around.append(((n * weight)[..., None] * energies[p]).sum(axis=1))
-        parts.append(m * around[-1] / (np.cos(q.theta_i) if F.over_cosine else 1))
-        pdf = pdf + m * (around[-1] @ lum)[:, None]
+        parts.append(m * around[-1])
         light = (weight[..., None] * energies[p]).sum(axis=1)
-        whole = whole + (light @ lum)[:, None]
-        mean = mean + light * m / (2 * np.pi * (np.cos(q.theta_i) if F.over_cosine else 1))
+        pdf, whole = pdf + (parts[-1] @ lum)[:, None] * np.cos(q.theta_i), whole + (light @ lum)[:, None]
+        mean = mean + light * m / (2 * np.pi)
     stacked = np.stack(parts, axis=1)
     f = F.finish(q, stacked.sum(axis=1))
     density = F.finish_pdf(q, pdf / whole)[:, 0] if F.normalised else np.full(len(inputs), np.nan)
     return Evaluated(stacked, f, density, np.stack(around, axis=1), mean)
 
 
-def optics(F: Formulas, q: Any) -> tuple[list[Array], SimpleNamespace]:
-    """Return A_p (cases, offsets, channels) of each lobe, and the rays."""
+def along(F: Formulas, q: Any) -> list[Array]:
+    """Return what multiplies each lobe's azimuthal part in f, (cases, 1): M, over cos theta_i where f has it."""
+    cosine = np.cos(q.theta_i) if F.over_cosine else 1
+    sides = [F.sides(q, tilt) for tilt in F.tilts(q)]
+    return [F.longitudinal(F, q, *side, v) / cosine for side, v in zip(sides, F.variances(q), strict=True)]
+
+
+def optics(F: Formulas, q: Any, lobes: Sequence[int] | None = None) -> tuple[list[Array], SimpleNamespace]:
+    """Return A_p (cases, offsets, channels) of each lobe, or of some, and the rays."""
     theta, h = F.inclination(q), F.offset(q)
     ray = SimpleNamespace(theta=theta, eta=q.eta, q=q, gamma_i=np.arcsin(h))
     ray.eta_prime = F.bravais(theta, q.eta)
@@ -221,4 +229,4 @@ def optics(F: Formulas, q: Any) -> tuple[list[Array], SimpleNamespace]:
     f = F.fresnel(F.fresnel_cosine(q, ray), q.eta)
     t = F.transmitted(F.path(ray)[..., None] * q.sigma_a)
     ray.fresnel, ray.t = f, t
-    return [F.attenuation(p, f[..., None], t, F.closed) for p in range(len(F.lobes))], ray
+    return [F.attenuation(p, f[..., None], t, F.closed) for p in (range(len(F.lobes)) if lobes is None else lobes)], ray

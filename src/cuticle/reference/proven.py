@@ -10,11 +10,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, floor, pi
 
-from cuticle.reference.balls import Ball, flint, integrate
+from cuticle.reference.balls import Ball, flint, integrate, root, square
 from cuticle.scattering.bcsdf import REC709
 
 Row = Mapping[str, float]
 CHANNELS = ("r", "g", "b")
+LOBES = ("R", "TT", "TRT")
 _TINY = 2.0**-90  # of an interval in which an azimuth crosses the cut of a trimmed distribution
 _REACH = 14  # deviations: past them a normal distribution is bounded, not summed
 
@@ -26,7 +27,8 @@ class Values:
     parts: list[list[Ball]]  # [lobe][channel], 1/sr, without a cosine
     energies: list[list[Ball]] | None  # [lobe][channel]: ∫ of that part times cos theta_i; None where it is not known
     cosine: Ball  # of theta_i
-    lobes: tuple[str, ...] | None = None  # of the parts; None for R, TT, TRT and the rest
+    lobes: tuple[str, ...] = ("R", "TT", "TRT", "rest")  # of the parts
+    albedo: Ball | None = None  # luminance of the integral of f cos theta_i, where the parts' energies are not known
 
     def f(self, channel: int) -> Ball:
         """Return f of one channel."""
@@ -34,12 +36,14 @@ class Values:
 
     def pdf(self) -> Ball | None:
         """Return the luminance of f cos theta_i over its integral."""
-        if self.energies is None:
+        if self.energies is None and self.albedo is None:
             return None
         arb, zero = flint().arb, flint().arb(0)
         weights = [arb(str(w)) for w in REC709] if len(self.parts[0]) == 3 else [arb(1)]
         light = sum((w * self.f(c) for c, w in enumerate(weights)), zero)
-        whole = sum((w * e[c] for e in self.energies for c, w in enumerate(weights)), zero)
+        whole = self.albedo
+        if self.energies is not None:
+            whole = sum((w * e[c] for e in self.energies for c, w in enumerate(weights)), zero)
         return self.cosine * light / whole
 
 
@@ -79,29 +83,37 @@ class CrossSection:
     """The optics of the fibre's cross-section at one inclination, for rays at any offset sin(gamma)."""
 
     def __init__(self, theta: Ball, eta: Ball, sigma_a: Sequence[Ball]) -> None:
-        self.sine, self.cosine, self.eta, self.sigma_a = theta.sin(), theta.cos(), eta, sigma_a
-        self.bravais = (eta * eta - self.sine * self.sine).sqrt()  # eta' cos theta
-        sine_t = self.sine / eta
-        self.cosine_t = (1 - sine_t * sine_t).sqrt()
+        self.cosine, self.eta, self.sigma_a = theta.cos(), eta, sigma_a
+        self._beyond = eta * eta - 1
+        self.bravais = root(self._beyond + square(self.cosine))  # eta' cos theta = eta cos theta_t
 
-    def refracted(self, sine: Ball) -> Ball:
-        """Return gamma_t for sin gamma_i: sin gamma_t = sin gamma_i / eta'."""
-        return (sine * self.cosine / self.bravais).asin()
+    def inner(self, cosine: Ball) -> Ball:
+        """Return eta times the cosine between the refracted ray and the normal: eta' cos theta cos gamma_t."""
+        return root(self._beyond + square(self.cosine * cosine))
 
-    def attenuations(self, sine: Ball, cosine: Ball, lobe: int, closed: bool) -> list[Ball]:
+    def refracted(self, sine: Ball, cosine: Ball) -> Ball:
+        """Return gamma_t for sin and cos of gamma_i: sin gamma_t = sin gamma_i / eta'."""
+        x, arb, acb = sine * self.cosine, flint().arb, flint().acb
+        if isinstance(x, arb) and isinstance(self.bravais, arb):
+            return (x / self.inner(cosine)).atan()
+        # By the mean value theorem from the real axis: a box's own arc sine is as tall as it is wide.
+        x = acb(x / self.bravais)
+        box = acb(x.real, x.imag.union(arb(0)))
+        tall = x.imag.abs_upper() * (1 / root(1 - box * box)).abs_upper()
+        return acb(x.asin().real, arb(0, 1) * tall)
+
+    def attenuations(self, cosine: Ball, lobe: int, closed: bool) -> list[Ball]:
         """Return A_p of each channel: lobes 0 to 2 are R, TT and TRT, 3 is every order past them; `closed` adds it to TRT.
 
         A_0 = F, A_p = (1 - F)² F^(p-1) T^p. T = exp(-sigma_a 2 cos gamma_t / cos theta_t). F is Fresnel's unpolarised
         reflectance at cos = cos theta cos gamma_i.
         """
-        c = self.cosine * cosine
-        inner = (self.eta * self.eta - 1 + c * c).sqrt()  # eta cos of the refracted angle
+        c, inner = self.cosine * cosine, self.inner(cosine)
         r_s, r_p = (c - inner) / (c + inner), (self.eta * self.eta * c - inner) / (self.eta * self.eta * c + inner)
         fresnel = (r_s * r_s + r_p * r_p) / 2
         if lobe == 0:
             return [fresnel] * len(self.sigma_a)
-        sine_t = sine * self.cosine / self.bravais
-        chord = 2 * (1 - sine_t * sine_t).sqrt() / self.cosine_t
+        chord = 2 * self.eta * inner / (self.bravais * self.bravais)
         found, entered = [], 1 - fresnel
         for s in self.sigma_a:
             t = (-s * chord).exp()
@@ -140,14 +152,15 @@ def chiang_near(row: Row) -> Values:
     theta_i, theta_r, phi, h = (arb(row[k]) for k in ("theta_i", "theta_r", "phi", "h"))
     variances, tilts, scale = chiang_lobes(row)
     ray = CrossSection(theta_r, arb(row["eta"]), absorptions(row))
-    gamma_i, gamma_t, cosine = h.asin(), ray.refracted(h), (1 - h * h).sqrt()
+    cosine = (1 - h * h).sqrt()
+    gamma_i, gamma_t = h.asin(), ray.refracted(h, cosine)
     parts, energies = [], []
     for p in range(4):
         m = energy_conserving(theta_i, tilts[p] - theta_r, variances[p])
         around = 1 / (2 * arb.pi())
         if p < 3:
             around = trimmed_logistic(_wrapped(phi - azimuth(p, gamma_i, gamma_t)), scale)
-        energies.append(ray.attenuations(h, cosine, p, closed=False))
+        energies.append(ray.attenuations(cosine, p, closed=False))
         parts.append([m * around * a / theta_i.cos() for a in energies[-1]])
     return Values(parts, energies, theta_i.cos())
 
@@ -179,14 +192,14 @@ def marschner(row: Row, sizes: Sequence[Sequence[float]], conserving: bool) -> V
     ray = CrossSection(theta_r if conserving else difference, arb(row["eta"]), absorptions(row))
     energies = _energies(ray, range(3), closed=True) if conserving else None
     parts = []
-    for p, lobe in enumerate(("R", "TT", "TRT")):
+    for p, lobe in enumerate(LOBES):
         alpha, beta = radians(row[f"alpha_{lobe}"]), radians(row[f"beta_{lobe}"])
         if conserving:
             m = energy_conserving(theta_i, 2 * alpha - theta_r, 4 * beta * beta) / theta_i.cos()
         else:
             m = gaussian(half - alpha, beta) / difference.cos() ** 2
         parts.append([m * x for x in normal_over_h(ray, p, phi, radians(row["beta_N"]), sizes[p], conserving)])
-    return Values(parts, energies, theta_i.cos())
+    return Values(parts, energies, theta_i.cos(), LOBES)
 
 
 def _wrapped(x: Ball) -> Ball:
@@ -217,8 +230,7 @@ def _energies(ray: CrossSection, lobes: Sequence[int], closed: bool) -> list[lis
     arb, count = flint().arb, len(ray.sigma_a)
 
     def all_lobes(gamma: Ball, cosine: Ball) -> list[Ball]:
-        sine = gamma.sin()
-        return [a for p in lobes for a in ray.attenuations(sine, cosine, p, closed)]
+        return [a for p in lobes for a in ray.attenuations(cosine, p, closed)]
 
     flat = over_h(all_lobes, arb(0), arb(1), [0.05] * (count * len(lobes)))
     return [[2 * x for x in flat[i * count : (i + 1) * count]] for i in range(len(lobes))]
@@ -233,10 +245,9 @@ def normal_over_h(ray: CrossSection, lobe: int, phi: Ball, beta: Ball, sizes: Se
     turns = range(ceil((at - highest - reach) / 6.283) - 1, floor((at - lowest + reach) / 6.283) + 2)
 
     def value(gamma: Ball, cosine: Ball) -> list[Ball]:
-        sine = gamma.sin()
-        x = phi - azimuth(lobe, gamma, ray.refracted(sine))
+        x = phi - azimuth(lobe, gamma, ray.refracted(gamma.sin(), cosine))
         around = sum((gaussian(x - turn * k, beta) for k in turns), arb(0))
-        return [a * around for a in ray.attenuations(sine, cosine, lobe, closed)]
+        return [a * around for a in ray.attenuations(cosine, lobe, closed)]
 
     # Turns left out lie past the reach on either side: twice a geometric series, and A_p is at most 1.
     left_out = 4 * gaussian(_REACH * beta, beta).abs_upper()
@@ -256,9 +267,8 @@ def _trimmed_over_h(ray: CrossSection, lobe: int, phi: Ball, scale: Ball, sizes:
             continue
 
         def value(gamma: Ball, cosine: Ball, k: int = k) -> list[Ball]:
-            sine = gamma.sin()
-            around = trimmed_logistic(phi - azimuth(lobe, gamma, ray.refracted(sine)) - turn * k, scale)
-            return [a * around for a in ray.attenuations(sine, cosine, lobe, closed=False)]
+            around = trimmed_logistic(phi - azimuth(lobe, gamma, ray.refracted(gamma.sin(), cosine)) - turn * k, scale)
+            return [a * around for a in ray.attenuations(cosine, lobe, closed=False)]
 
         for c, x in enumerate(over_h(value, low, high, sizes)):
             total[c] += x
@@ -274,15 +284,14 @@ class Cuts:
     def turns(self, u: Ball) -> Ball:
         """Return (phi - phi_p + pi)/(2 pi), whose whole part is the turn."""
         gamma = u * self._arb.pi() / 2
-        x = self._phi - azimuth(self._lobe, gamma, self._ray.refracted(gamma.sin()))
+        x = self._phi - azimuth(self._lobe, gamma, self._ray.refracted(gamma.sin(), gamma.cos()))
         return x / (2 * self._arb.pi()) + self._arb("0.5")
 
     def slope(self, u: Ball) -> Ball:
         """Return d turns / d u: phi_p' = 2 p gamma_t' - 2, gamma_t' = cos gamma_i / (eta' cos gamma_t)."""
         ray, gamma = self._ray, u * self._arb.pi() / 2
-        sine_t = gamma.sin() * ray.cosine / ray.bravais
-        inner = gamma.cos() * ray.cosine / (ray.bravais * (1 - sine_t * sine_t).sqrt())
-        return -(2 * self._lobe * inner - 2) / 4
+        cosine = gamma.cos()
+        return -(2 * self._lobe * cosine * ray.cosine / ray.inner(cosine) - 2) / 4
 
     def pieces(self, low: Ball, high: Ball) -> list[tuple[Ball, Ball, int | None]]:
         """Return intervals that cover [low, high] with the turn of each; None for tiny ones around a crossing."""

@@ -16,7 +16,7 @@ from cuticle.reference.among_strands import BACK_TIMES
 from cuticle.reference.cases import Inputs
 from cuticle.reference.formulas import ROUGHLY, Evaluated, Formulas
 from cuticle.reference.models import evaluate
-from cuticle.reference.search import predicted
+from cuticle.reference.search import predicted, value_of
 from cuticle.reference.tolerance import Quantity
 from cuticle.reference.variants import ROOT, SCALE, polynomial, variants
 
@@ -60,7 +60,7 @@ def leads(F: Formulas, quantity: Quantity, inputs: Inputs, progress: Callable[[f
     if not inputs.near and len(inputs) > _FAR_ROWS:
         few = np.linspace(0, len(inputs) - 1, _FAR_ROWS).astype(int)
         quantity, inputs = quantity.take(few), inputs.take(few)
-    e = evaluate(F, inputs, ROUGHLY)
+    e = evaluate(F, inputs, ROUGHLY, density=quantity.name == "pdf")
     before = quantity.score(predicted(e, quantity))
     found = [*_powers(F, quantity, inputs, e)]
     if quantity.name == "f":
@@ -102,10 +102,10 @@ def _fitted(words: str, make: Any, F: Formulas, quantity: Quantity, inputs: Inpu
 
     def value(k: float) -> Array:
         G, x = make(k)
-        return predicted(evaluate(G, x, ROUGHLY), quantity)
+        return value_of(G, x, quantity, ROUGHLY)
 
     if isinstance(make, Formulas):
-        p = predicted(evaluate(make, inputs, ROUGHLY), quantity)
+        p = value_of(make, inputs, quantity, ROUGHLY)
         return Clue(words, quantity.outside(p), quantity.score(p))
     grid = _GRID if inputs.near else _COARSE
     scores = [quantity.score(value(k)) for k in grid]

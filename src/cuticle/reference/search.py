@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cuticle.reference.cases import Inputs
-from cuticle.reference.formulas import ROUGHLY, Evaluated, Formulas
+from cuticle.reference.formulas import PANELS, ROUGHLY, Evaluated, Formulas
 from cuticle.reference.models import evaluate
 from cuticle.reference.slip_table import SLIPS
-from cuticle.reference.slips import Slip
+from cuticle.reference.slips import DUAL, Slip
 from cuticle.reference.tolerance import AVERAGED_SHARE, EXPLAINED, Quantity
 
 Array = NDArray[np.float64]
@@ -52,12 +53,23 @@ class Search:
 def applicable(F: Formulas, quantity: Quantity, near: bool) -> list[Slip]:
     """Return the slips that these formulas and this quantity may have."""
     field = "near" if near else "far"
-    return [s for s in SLIPS if F.kind in s.kinds and s.only in ("", field) and _concerns(s, quantity)]
+    kinds = {F.kind, "gaussian"} if F.back is not None else {F.kind}
+    return [s for s in SLIPS if kinds.intersection(s.kinds) and s.only in ("", field) and _concerns(F, s, quantity)]
 
 
-def _concerns(slip: Slip, quantity: Quantity) -> bool:
-    """Whether a slip can show in a quantity: factors of f do not in the density, those of the density not in f."""
-    return slip.group not in ("pi", "cosine", "average") if quantity.name == "pdf" else not slip.pdf
+def _concerns(F: Formulas, slip: Slip, quantity: Quantity) -> bool:
+    """Whether a slip can show in a quantity: factors of f do not in the density, those of the density not in f.
+
+    A Gaussian form's density is normalised by the integral of f cos theta_i: cosines in f show in it, constants do not.
+    """
+    if quantity.name == "f":
+        return not slip.pdf
+    return slip.group not in ("pi", "average", *(("cosine",) if F.normalised else ()))
+
+
+def value_of(F: Formulas, inputs: Inputs, quantity: Quantity, panels: int = PANELS) -> Array:
+    """Return what formulas predict for a quantity, (n, channels)."""
+    return predicted(evaluate(F, inputs, panels, density=quantity.name == "pdf"), quantity)
 
 
 def predicted(e: Evaluated, quantity: Quantity) -> Array:
@@ -66,10 +78,13 @@ def predicted(e: Evaluated, quantity: Quantity) -> Array:
 
 
 def changed(F: Formulas, slips: Sequence[Slip]) -> Formulas:
-    """Return the formulas with slips; factors come last, so that they multiply whatever stands."""
-    for slip in slips:
-        F = slip.change(F)
-    return F
+    """Return the formulas with slips; those of the fibre's lobes first, for what they make of the averages is kept."""
+    return _changed(F, tuple(sorted(slips, key=lambda s: s.kinds == DUAL)))
+
+
+@lru_cache(maxsize=4096)
+def _changed(F: Formulas, slips: tuple[Slip, ...]) -> Formulas:
+    return slips[-1].change(_changed(F, slips[:-1])) if slips else F
 
 
 def search_rows(quantity: Quantity, right: Array, near: bool) -> NDArray[np.intp]:
@@ -91,8 +106,8 @@ def search(F: Formulas, quantity: Quantity, inputs: Inputs, right: Array, progre
     some, few = inputs.take(rows), quantity.take(rows)
     table = applicable(F, quantity, inputs.near)
 
-    def tried(slips: tuple[Slip, ...]) -> Hypothesis:
-        return _judge(slips, few, predicted(evaluate(changed(F, slips), some, ROUGHLY), few))
+    def tried(slips: tuple[Slip, ...], panels: int = ROUGHLY) -> Hypothesis:
+        return _judge(slips, few, value_of(changed(F, slips), some, few, panels))
 
     start = _judge((), few, right[rows])
     frontier, singles, alternatives, best = [start], [start], [], start
@@ -106,6 +121,8 @@ def search(F: Formulas, quantity: Quantity, inputs: Inputs, right: Array, progre
                     seen[key] = tried((*h.slips, slip))
             progress((depth + (k + 1) / len(frontier)) / MOST_TOGETHER)
         found = sorted(seen.values(), key=lambda h: h.score)
+        if found and not found[0].explains:  # the rough quadrature may have hidden it
+            found = sorted([tried(found[0].slips, PANELS), *found[1:]], key=lambda h: h.score)
         singles = singles if depth else found
         if not found or found[0].score > _PROGRESS[inputs.near] * best.score:
             break
@@ -115,9 +132,7 @@ def search(F: Formulas, quantity: Quantity, inputs: Inputs, right: Array, progre
             best, alternatives = explained[0], explained[1:6]
             break
     whole = rows if len(inputs) > _FINAL_ROWS[inputs.near] else np.arange(len(inputs))
-    last = _judge(
-        best.slips, quantity.take(whole), predicted(evaluate(changed(F, best.slips), inputs.take(whole)), quantity)
-    )
+    last = _judge(best.slips, quantity.take(whole), value_of(changed(F, best.slips), inputs.take(whole), quantity))
     near = [h for h in alternatives if h.score < 1.5 * best.score + 0.02]
     return Search(last, tuple(near), tuple(singles), rows)
 

@@ -17,8 +17,9 @@ from cuticle.reference.formulas import Formulas
 
 Array = NDArray[np.float64]
 Change = Callable[[Formulas], Formulas]
-ALL, CONSERVING = ("chiang", "conserving", "gaussian", "dual_scattering"), ("chiang", "conserving")
+CONSERVING = ("chiang", "conserving")
 SINGLE = ("chiang", "conserving", "gaussian")
+DUAL = ("dual_scattering",)
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,8 @@ class Slip:
     change
         Takes the right formulas and returns them with the slip.
     kinds
-        The formulas that it applies to: "chiang", "conserving", "gaussian" (Marschner's), "dual_scattering".
+        The formulas that it applies to: "chiang", "conserving", "gaussian" (Marschner's, and dual scattering, which is made
+        of them), "dual_scattering" (that alone).
     pdf
         Whether it is a slip of the density alone.
     approximation

@@ -8,11 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from cuticle.reference.among_strands import Averages
 from cuticle.reference.formulas import Formulas
-from cuticle.reference.slips import Array, Change, Slip
-
-DUAL = ("dual_scattering",)
+from cuticle.reference.slips import DUAL, Array, Change, Slip
+from cuticle.reference.strand_averages import Averages
 
 
 def back(**fields: Any) -> Change:

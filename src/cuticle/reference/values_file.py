@@ -20,6 +20,7 @@ from cuticle._support.values import Value
 from cuticle.reference.cases import ANGLES, LIMITS, LONGITUDINAL, MODELS, PARAMETERS, SIGMAS, Inputs
 
 Array = NDArray[np.float64]
+NO_DENSITY = "none: f has no integral over directions, for the light behind has no sum at some theta_i"
 FORMAT = "Cuticle reference 1"
 VALUES = ("f_r", "f_g", "f_b", "f", "pdf")
 PREFIX = "ref_"
@@ -59,7 +60,7 @@ class Submission(Value):
     wrong: tuple[str, ...] = ()
 
 
-def header(inputs: Inputs, seed: int, proof: str) -> list[str]:
+def header(inputs: Inputs, seed: int) -> list[str]:
     """Return the comment lines of a file of cases."""
     near = inputs.near
     lines = [
@@ -80,7 +81,10 @@ def header(inputs: Inputs, seed: int, proof: str) -> list[str]:
         lines.append("alpha: degrees; R's axis lies at theta_i = -theta_r - 2 alpha (pbrt and Mitsuba have the other sign).")
     else:
         lines.append("alpha, beta: degrees of theta_h = (theta_i + theta_r)/2; beta_N: deviation around the fibre, degrees.")
-    return [*lines, f"{PREFIX}…: the reference; …_error: {proof}"]
+    lines.append(f"{PREFIX}…: the reference; …_error: a proven bound of how far the printed number is off")
+    if inputs.model == "dual_scattering":
+        lines.append(f"{PREFIX}pdf_error: estimated, from quadratures of two orders; or why {PREFIX}pdf is empty.")
+    return lines
 
 
 def vectors(inputs: Inputs) -> dict[str, Array]:
@@ -91,17 +95,17 @@ def vectors(inputs: Inputs) -> dict[str, Array]:
     return {f"{w}_{axis}": x for w, v in (("wi", wi), ("wo", wo)) for axis, x in zip("xyz", v, strict=True)}
 
 
-def text(inputs: Inputs, seed: int, proof: str, values: Sequence[dict[str, tuple[str, str]]]) -> str:
+def text(inputs: Inputs, seed: int, values: Sequence[dict[str, tuple[str, str]]]) -> str:
     """Return the file: `values` holds, for each case, each value by name as (number, error) in decimal text."""
     out = io.StringIO()
-    for line in header(inputs, seed, proof):
+    for line in header(inputs, seed):
         out.write(f"# {line}\n")
     along = vectors(inputs)
     names = list(values[0])
-    columns = ["case", *inputs.columns, *SIGMAS, *along, *VALUES[:3], *(["pdf"] if "pdf" in names else [])]
+    columns = ["case", *inputs.columns, *SIGMAS, *along, *VALUES[:3], "pdf"]
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow([*columns, *(PREFIX + n + end for n in names for end in ("", "_error"))])
-    blank = [""] * (4 if "pdf" in names else 3)
+    blank = [""] * 4
     for i, row in enumerate(values):
         given = [repr(v) for v in inputs.row(i).values()]
         directions = [repr(float(v[i])) for v in along.values()]

@@ -5,7 +5,7 @@ The table of slips names what is known to go wrong. These are tried where it doe
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import product
 from typing import Any
@@ -83,9 +83,7 @@ def _paths(F: Formulas) -> Iterator[Variant]:
 
         def path(ray: Any, k: float = k, n: Any = (a, b, c, d)) -> Array:
             cosines = np.cos(ray.gamma_t), np.cos(ray.gamma_i), ray.cos_theta_t, np.cos(ray.theta)
-            return np.asarray(
-                2 * k * np.prod([x ** float(m) + 0 * ray.gamma_i for x, m in zip(cosines, n, strict=True)], axis=0)
-            )
+            return 2 * k * _powers(cosines, n)
 
         names = zip(("cos γ_t", "cos γ_i", "cos θ_t", "cos θ"), (a, b, c, d), strict=True)
         words = " ".join(f"{name}^{m}" if m != 1 else name for name, m in names if m)
@@ -104,6 +102,14 @@ def _paths(F: Formulas) -> Iterator[Variant]:
         yield f"in the path, {words}", replace(F, path=_path_of(F, cosine))
 
 
+def _powers(cosines: Sequence[Array], n: Sequence[int]) -> Array:
+    """Return the product of powers, over cases and offsets."""
+    found = np.ones(np.broadcast_shapes(*(x.shape for x in cosines)))
+    for x, m in zip(cosines, n, strict=True):
+        found = found * x ** float(m)
+    return found
+
+
 def _path_of(F: Formulas, cosine: Any) -> Any:
     return lambda ray: F.path(ray) * ray.cos_theta_t / cosine(ray)
 
@@ -115,7 +121,7 @@ def _fresnel_cosines(F: Formulas) -> Iterator[Variant]:
 
         def cosine(q: Any, ray: Any, n: Any = n) -> Array:
             factors = np.cos(ray.theta), np.cos(ray.gamma_i), np.cos(ray.gamma_t)
-            return np.asarray(np.prod([x ** float(m) + 0 * ray.gamma_i for x, m in zip(factors, n, strict=True)], axis=0))
+            return _powers(factors, n)
 
         names = zip(("cos θ", "cos γ_i", "cos γ_t"), n, strict=True)
         words = " ".join(f"{name}^{m}" if m != 1 else name for name, m in names if m) or "1"
