@@ -80,6 +80,24 @@ def _rule(order: int, bits: int) -> list[tuple[Ball, Ball]]:
     return [arb.legendre_p_root(order, k, weight=True) for k in range(order)]
 
 
+def ellipse(low: Ball, high: Ball) -> Ball:
+    """Return a box around the ellipse of foci `low` and `high` whose half axes sum to RHO times half their distance."""
+    arb, r = flint().arb, (high - low) / 2
+    across, up = r * (RHO + 1 / RHO) / 2, r * (RHO - 1 / RHO) / 2
+    return flint().acb((low + high) / 2 + arb(0, 1) * across, arb(0, 1) * up)
+
+
+def least_order(largest: Sequence[Ball], goals: Sequence[float], size: Ball) -> tuple[int, float] | None:
+    """Return the least order for which `size` times its decay times the largest values meets all goals, and that decay.
+
+    None if there is none, or a value is not finite.
+    """
+    if not all(m.is_finite() for m in largest):
+        return None
+    worst = max(float((m * size / g).str(4, radius=False)) for m, g in zip(largest, goals, strict=True))
+    return next(((n, d) for n, d in DECAYS if d * worst <= 1), None)
+
+
 def integrate(f: Integrand, a: Ball, b: Ball, sizes: Sequence[float]) -> list[Ball]:
     """Return balls around the integrals of the components of f over [a, b].
 
@@ -97,8 +115,7 @@ def integrate(f: Integrand, a: Ball, b: Ball, sizes: Sequence[float]) -> list[Ba
     sizes
         About how large each integral is. They steer the effort only: the radius of what is returned is true for any.
     """
-    module = flint()
-    arb, acb = module.arb, module.acb
+    arb = flint().arb
     goals = [max(s, 1e-300) * GOAL for s in sizes]
     total = [arb(0)] * len(goals)
     todo = [(a, b, 0)]
@@ -106,13 +123,8 @@ def integrate(f: Integrand, a: Ball, b: Ball, sizes: Sequence[float]) -> list[Ba
     while todo:
         low, high, depth = todo.pop()
         middle, r = (low + high) / 2, (high - low) / 2
-        across, up = r * (RHO + 1 / RHO) / 2, r * (RHO - 1 / RHO) / 2
-        box = acb(middle + arb(0, 1) * across, arb(0, 1) * up)
-        largest = [value.abs_upper() for value in f(box)]
-        needed = None
-        if all(m.is_finite() for m in largest):
-            worst = max(float((m * whole / 2 / g).str(4, radius=False)) for m, g in zip(largest, goals, strict=True))
-            needed = next(((n, d) for n, d in DECAYS if d * worst <= 1), None)
+        largest = [value.abs_upper() for value in f(ellipse(low, high))]
+        needed = least_order(largest, goals, whole / 2)
         if needed is None:
             if depth >= DEEPEST:
                 raise ArithmeticError("a quadrature did not converge: the integrand is not smooth on its panel")

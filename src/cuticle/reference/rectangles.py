@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from cuticle.reference.balls import DECAYS, DEEPEST, RHO, Ball, Integrand, flint, rule
+from cuticle.reference.balls import DEEPEST, Ball, Integrand, ellipse, flint, least_order, rule
 
 Section = Callable[[Ball], Integrand]  # of x: the integrand as a function of y
 GOAL = 2.0**-40  # of the error, over the size that the caller expects
@@ -38,9 +38,9 @@ def integrate_over_rectangle(section: Section, x: Range, y: Range, sizes: Sequen
     while todo:
         (left, right), (low, high), depth = todo.pop()
         across, up = left.union(right), low.union(high)
-        along_x = [v.abs_upper() for v in section(_ellipse(left, right))(up)]
-        along_y = [v.abs_upper() for v in section(across)(_ellipse(low, high))]
-        of_x, of_y = _order(along_x, goals, area), _order(along_y, goals, area)
+        along_x = [v.abs_upper() for v in section(ellipse(left, right))(up)]
+        along_y = [v.abs_upper() for v in section(across)(ellipse(low, high))]
+        of_x, of_y = (least_order(largest, goals, area) for largest in (along_x, along_y))  # each half of the error
         if of_x is None or of_y is None:
             if depth >= 2 * DEEPEST:
                 raise ArithmeticError("a quadrature did not converge: the integrand is not smooth on its rectangle")
@@ -57,24 +57,6 @@ def integrate_over_rectangle(section: Section, x: Range, y: Range, sizes: Sequen
             off = 2 * (m_x * of_x[1] + m_y * of_y[1])
             total[k] += quarter * (s + arb(0, 1) * off * 1.000001)
     return total
-
-
-def _ellipse(low: Ball, high: Ball) -> Ball:
-    """Return a box around the ellipse of foci `low` and `high` whose half axes sum to RHO times half their distance."""
-    arb, r = flint().arb, (high - low) / 2
-    across, up = r * (RHO + 1 / RHO) / 2, r * (RHO - 1 / RHO) / 2
-    return flint().acb((low + high) / 2 + arb(0, 1) * across, arb(0, 1) * up)
-
-
-def _order(largest: Sequence[Ball], goals: Sequence[float], area: Ball) -> tuple[int, float] | None:
-    """Return the least order whose share of the error is half the goal's, with its decay; None if there is none.
-
-    On a rectangle of area s, e is s/2 times the decay times the largest value.
-    """
-    if not all(m.is_finite() for m in largest):
-        return None
-    worst = max(float((m * area / g).str(4, radius=False)) for m, g in zip(largest, goals, strict=True))
-    return next(((n, d) for n, d in DECAYS if d * worst <= 1), None)
 
 
 def _product(section: Section, x: Range, y: Range, orders: tuple[int, int], count: int) -> list[Ball]:
