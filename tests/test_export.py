@@ -60,6 +60,23 @@ def test_the_table_is_small_and_the_text_depends_on_nothing_else(document_fit: c
         assert word in head
 
 
+@pytest.mark.parametrize("to", ["glsl", "hlsl"])  # whose functions are told apart by their arguments alone
+@pytest.mark.parametrize("counts", [(0.0,), (1.0, 4.0), (0.0, 1.0, 2.0, 4.0, 8.0)])
+def test_a_scattering_function_beside_it_leaves_a_sampler_as_it_is(
+    document_fit: cuticle.Fit, to: str, counts: tuple[float, ...]
+) -> None:
+    rows = np.searchsorted(document_fit.sampler.strands, counts)
+    sampler = cuticle.Sampler(document_fit.sampler.nodes[rows], document_fit.sampler.energy[rows], counts)
+    alone = re.findall(r"^\w[^=;{]*\) \{(?:[^\n]*\}|\n.*?\n\})$", export(sampler, to).text, re.M | re.S)
+    assert len(alone) > 20
+    for model in (
+        cuticle.DualScattering(cuticle.Fibre.preset("document")),
+        cuticle.Marschner(cuticle.Fibre.preset("brown")),
+    ):
+        both = export(sampler, to, with_model=True, model=model).text
+        assert not [function for function in alone if function not in both]
+
+
 def test_cpp_is_formatted(document_fit: cuticle.Fit, tmp_path: Path) -> None:
     formatter = shutil.which("clang-format") or str(Path(sys.executable).parent / "clang-format")
     if not Path(formatter).exists():

@@ -11,6 +11,7 @@
 #include "cuticle/math/erf.h"
 #include "cuticle/math/functions.h"
 #include "cuticle/math/logistic.h"
+#include "cuticle/math/table_values.h"
 
 #include "cuticle/simd/abreast.h"
 #include "cuticle/simd/lanes.h"

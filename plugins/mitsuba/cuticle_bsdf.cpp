@@ -25,7 +25,6 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
         m_fibre.form = cuticle::longitudinal_of(m_formulation);
         m_d_f = props.get<ScalarFloat>("d_f");
         m_d_b = props.get<ScalarFloat>("d_b");
-        m_limit = props.get<ScalarFloat>("limit");
         const TensorXf &direct = props.get_any<TensorXf>("direct");
         m_rows = int(direct.shape(0));
         m_columns = int(direct.shape(1));
@@ -81,7 +80,7 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
     void adopt(const HairBSDF<Float, Spectrum> &made) override {
         Base::adopt(made);
         const auto tables = [](auto &b) {
-            return std::tie(b.m_fibre, b.m_formulation, b.m_range, b.m_d_f, b.m_d_b, b.m_limit, b.m_rest_variance, b.m_rows,
+            return std::tie(b.m_fibre, b.m_formulation, b.m_range, b.m_d_f, b.m_d_b, b.m_rest_variance, b.m_rows,
                             b.m_columns, b.m_channels, b.m_exact_channels, b.m_average_rows, b.m_rest_rows, b.m_direct,
                             b.m_spread, b.m_averages, b.m_rest, b.m_through, b.m_through_limit, b.m_lobes, b.m_azimuth,
                             b.m_through_behind);
@@ -101,7 +100,7 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
         const Model model{m_fibre,
                           table(m_direct),
                           table(m_spread),
-                          {cuticle_mitsuba::memory<Float>(m_averages), m_average_rows, m_limit},
+                          {cuticle_mitsuba::memory<Float>(m_averages), m_average_rows, m_channels},
                           m_formulation,
                           m_d_f,
                           m_d_b,
@@ -152,7 +151,7 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
     struct {
         int rows = 0, azimuth_rows = 0, columns = 0;
     } m_through;
-    float m_d_f, m_d_b, m_limit, m_through_limit = 1, m_rest_variance = 0;
+    float m_d_f, m_d_b, m_through_limit = 1, m_rest_variance = 0;
     int m_rows, m_columns, m_channels, m_exact_channels, m_average_rows = 0, m_rest_rows = 0;
     bool m_fixed;
     FloatBuffer m_direct, m_spread, m_lobes, m_azimuth, m_through_behind, m_averages, m_rest;

@@ -61,7 +61,6 @@ template <typename Float, typename Spectrum> class CuticleTable final : public H
             using Memory = cuticle_mitsuba::Memory<Float>;
             const cuticle::TabulatedModel<float, Memory> view{cuticle_mitsuba::memory<Float>(shape),
                                                               cuticle_mitsuba::memory<Float>(log_energy),
-                                                              strands.data(),
                                                               int(strands.size()),
                                                               viewers,
                                                               energies,
@@ -71,7 +70,7 @@ template <typename Float, typename Spectrum> class CuticleTable final : public H
                                                               reach,
                                                               stretch,
                                                               even};
-            cuticle::tabulated_eval(view, theta_i, theta_r, phi, n, f);
+            cuticle::tabulated_eval(view, strands.data(), theta_i, theta_r, phi, n, f);
         }
     };
 

@@ -197,8 +197,7 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
             m_transmittance_limit};
         const auto others = cuticle_mitsuba::around(si);
         const bool random = cuticle_mitsuba::expected(ctx);
-        return cuticle::transmittance(table, theta_i, random ? others.expected : others.strands,
-                                      random ? cuticle::random_strands : cuticle::counted_sheets, channel);
+        return cuticle::transmittance(table, theta_i, random ? others.expected : others.strands, random, channel);
     }
 
     std::string m_about;

@@ -76,12 +76,12 @@ cuticle::FibreLobes<double> fibre_lobes(const In<double> &alpha, const In<double
     return f;
 }
 
-// out: (rows, channels, average_columns) for inclinations from -limit to limit.
-void averages(const In<double> &alpha, const In<double> &beta, bool exact, double d_b, double limit, int quadrature,
-              const In<double> &halves, Out<double> out) {
+// out: (rows, average_columns, channels), a row for each inclination.
+void averages(const In<double> &alpha, const In<double> &beta, bool exact, double d_b, const In<double> &inclinations,
+              int quadrature, const In<double> &halves, Out<double> out) {
     const auto fibre = fibre_lobes(alpha, beta, exact);
     const auto formulation = exact ? cuticle::Formulation::exact : cuticle::Formulation::zinke2008;
-    const auto rows = out.shape(0), channels = out.shape(1), half_rows = halves.shape(0);
+    const auto rows = out.shape(0), channels = out.shape(2), half_rows = halves.shape(0);
     parallel_for(rows, 1, [&](std::size_t begin, std::size_t end) {
         for (std::size_t i = begin; i < end; ++i)
             for (std::size_t c = 0; c < channels; ++c) {
@@ -93,13 +93,13 @@ void averages(const In<double> &alpha, const In<double> &beta, bool exact, doubl
                     const double *r = q + lobe_count * channels * 2;
                     return cuticle::Halves<double>{q[0] + t * (r[0] - q[0]), q[1] + t * (r[1] - q[1])};
                 };
-                const double theta = limit * (2 * double(i) / double(rows - 1) - 1);
-                auto a = cuticle::half_sphere_averages(fibre, formulation, theta, lookup, quadrature);
+                auto a = cuticle::half_sphere_averages(fibre, formulation, inclinations.data()[i], lookup, quadrature);
                 if (exact) cuticle::backscatter_exact(a);
                 else cuticle::backscatter_zinke2008(a, d_b);
                 const double values[] = {a.a_f,    a.a_b,         a.alpha_f,    a.alpha_b,       a.beta_f,
                                          a.beta_b, a.back_energy, a.back_shift, a.back_deviation};
-                std::copy(std::begin(values), std::end(values), out.data() + (i * channels + c) * cuticle::average_columns);
+                for (std::size_t j = 0; j < cuticle::average_columns; ++j)
+                    out.data()[(i * cuticle::average_columns + j) * channels + c] = values[j];
             }
     });
 }
@@ -127,12 +127,12 @@ struct Model {
     }
     // Dual scattering as printed, with N^G.
     Model(const In<double> &alpha, const In<double> &beta, const In<double> &direct_, const In<double> &spread_,
-          const In<double> &averages_, double limit, double d_f, double d_b)
+          const In<double> &averages_, double d_f, double d_b)
         : Model(alpha, beta, false, direct_) {
         spread = spread_;
         model.spread = view(spread);
         averages = averages_;
-        model.averages = {averages.data(), static_cast<int>(averages.shape(0)), limit};
+        model.averages = {averages.data(), static_cast<int>(averages.shape(0)), model.direct.channels};
         surround(cuticle::Formulation::zinke2008, d_f, d_b);
     }
     // The exact form: (2, slots, rows, 4, parts, channels), (2, slots, rows, columns, parts, channels), (rows, 3, channels).
@@ -263,17 +263,8 @@ struct Table {
     Table(const In<double> &shape_, const In<double> &log_energy_, const In<double> &strands_, double reach, bool even)
         : shape(shape_), log_energy(log_energy_), strands(strands_) {
         const auto size = [&](std::size_t axis) { return static_cast<int>(shape.shape(axis)); };
-        table = {shape.data(),
-                 log_energy.data(),
-                 strands.data(),
-                 size(0),
-                 size(1),
-                 static_cast<int>(log_energy.shape(1)),
-                 size(2),
-                 size(3),
-                 size(4),
-                 reach,
-                 std::sinh(reach) / cuticle::pi<double>,
+        table = {shape.data(), log_energy.data(), size(0), size(1), static_cast<int>(log_energy.shape(1)),
+                 size(2),      size(3),           size(4), reach,   std::sinh(reach) / cuticle::pi<double>,
                  even};
     }
 
@@ -282,7 +273,8 @@ struct Table {
         const auto ti = broadcast(theta_i), tr = broadcast(theta_r), ph = broadcast(phi), n = broadcast(count);
         parallel_for(out.shape(0), 512, [&](std::size_t begin, std::size_t end) {
             for (std::size_t i = begin; i < end; ++i)
-                cuticle::tabulated_eval(table, ti[i], tr[i], ph[i], n[i], out.data() + i * std::size_t(table.channels));
+                cuticle::tabulated_eval(table, strands.data(), ti[i], tr[i], ph[i], n[i],
+                                        out.data() + i * std::size_t(table.channels));
         });
     }
 };
@@ -364,7 +356,7 @@ void bind_models(nb::module_ &m) {
     nb::class_<Model>(m, "Model")
         .def(nb::init<const In<double> &, const In<double> &, bool, const In<double> &>())
         .def(nb::init<const In<double> &, const In<double> &, const In<double> &, const In<double> &, const In<double> &,
-                      double, double, double>())
+                      double, double>())
         .def(nb::init<const In<double> &, const In<double> &, const In<double> &, const In<double> &, const In<double> &,
                       const In<double> &, double, double, double>())
         .def(nb::init<const In<double> &, const In<double> &, const In<double> &, const In<double> &, double>())

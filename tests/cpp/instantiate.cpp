@@ -148,7 +148,7 @@ template <class F, class S, class M> struct Use {
             spread_row(out, 8, out);
             out[0] = half_energies(out, 8).forward;
         }
-        return azimuthal_value(table, at, 1, 2) + azimuthal_value(table, at, 1, locate(range, x));
+        return azimuthal_value<F>(table, at, 1, 2) + azimuthal_value<F>(table, at, 1, locate(range, x));
     }
 #endif
 #ifdef USE_scattering_marschner
@@ -187,13 +187,13 @@ template <class F, class S, class M> struct Use {
 #ifdef USE_scattering_through_strands
     F through() const {
         const ThroughTable<S, M> table{};
-        const auto place = locate(table, x, y, random_strands, true);
+        const auto place = locate(table, x, y, true, true);
         const ChannelBetween<F> between = locate(AbsorptionRange<S>{S(.1), S(1.2), 0, 9}, x);
         F lobes[through_parts + 1];
         through_lobes(through_moments(table, place, between), x, lobes);
         const OwnParts<F> own{{x, y, z}, {x, y, z}, {x, y, z}};
         through_lobes(through_moments(table, place, 1, &own), x, lobes);
-        lobes[0] = behind_at(table, place.row, between).alone + behind_at(table, place.row, 1).alone;
+        lobes[0] = behind_at<F>(memory, place.row, 3, between).alone + behind_at<F>(memory, place.row, 3, 1).alone;
         return add_through(x, table, place, lobes, z, between) + add_through(x, table, place, lobes, z, 1) +
                draw_azimuth(azimuth_nodes(table, place, x, y), z);
     }
@@ -260,8 +260,8 @@ template <class F, class S, class M> struct Use {
 #endif
 #ifdef USE_scattering_function_table
     void function_table(F *f) const {
-        const TabulatedModel<S, M> model{memory, memory, numbers, 3, 5, 5, 5, 5, 3, S(1), S(1), true};
-        tabulated_eval(model, x, y, z, x, f);
+        const TabulatedModel<S, M> model{memory, memory, 3, 5, 5, 5, 5, 3, S(1), S(1), true};
+        tabulated_eval(model, numbers, x, y, z, x, f);
     }
 #endif
 #ifdef USE_groom_density_grid

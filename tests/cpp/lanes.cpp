@@ -150,8 +150,9 @@ template <class Float> int compare_model(cuticle::Formulation formulation, std::
         direct.push_back(uniform(.01, 1));
         spread.push_back(uniform(.01, 1));
     }
-    for (int i = 0; i < inclinations * channels; ++i)
-        for (const double x : {.6, .1, -.02, .03, .15, .2, .1, .05, .4}) averages.push_back(Float(x) * uniform(.8, 1.2));
+    for (int i = 0; i < inclinations; ++i)
+        for (const double x : {.6, .1, -.02, .03, .15, .2, .1, .05, .4})
+            for (int c = 0; c < channels; ++c) averages.push_back(Float(x) * uniform(.8, 1.2));
     constexpr int slots = 2 * cuticle::through_slots, through_rows = 5, azimuth_rows = 3, turns = 7;
     std::vector<Float> lobes, azimuth, end;
     for (int i = 0; i < slots * through_rows; ++i)
@@ -166,7 +167,7 @@ template <class Float> int compare_model(cuticle::Formulation formulation, std::
         {Float(-.1), Float(.05), Float(.15)}, {Float(.15), Float(.08), Float(.3)}, cuticle::longitudinal_of(formulation)};
     model.direct = {direct.data(), rows, columns, channels};
     model.spread = {spread.data(), rows, columns, channels};
-    model.averages = {averages.data(), inclinations, Float(1.56)};
+    model.averages = {averages.data(), inclinations, channels};
     model.formulation = formulation;
     model.d_f = model.d_b = Float(.7);
     const Float counts[] = {0, Float(.25), 1, Float(1.5), 4, 9};

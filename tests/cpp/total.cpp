@@ -124,7 +124,7 @@ template <class Float> void functions(std::size_t count) {
                  cuticle::longitudinal_of(formulation)},
                 n,
                 m,
-                {mean.get(), averages, Float(1.5)},
+                {mean.get(), averages, channels},
                 formulation,
                 Float(.7),
                 Float(.7),
@@ -142,9 +142,9 @@ template <class Float> void functions(std::size_t count) {
             check("Chiang's far field");
         }
         for (const int counts : {1, 3}) {
-            const cuticle::TabulatedModel<Float> model{shape.get(), energy.get(), strands,    counts,   4,          7, 5,
+            const cuticle::TabulatedModel<Float> model{shape.get(), energy.get(), counts,     4,        7,          5,
                                                        6,           channels,     Float(2.5), Float(2), counts == 1};
-            cuticle::tabulated_eval(model, ti, tr, phi, around.strands, f);
+            cuticle::tabulated_eval(model, strands, ti, tr, phi, around.strands, f);
             check("a table");
         }
         const auto state =

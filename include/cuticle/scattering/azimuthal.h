@@ -8,6 +8,7 @@
 #define CUTICLE_SCATTERING_AZIMUTHAL_H
 
 #include "cuticle/math/logistic.h"
+#include "cuticle/math/table_values.h"
 #include "cuticle/scattering/longitudinal.h"
 #include "cuticle/scattering/optics.h"
 
@@ -138,21 +139,10 @@ CUTICLE_HD Bilinear<Float> locate(const AzimuthalTable<Memory> &table, const Flo
     return {(y.node * Index(table.columns) + x.node) * Index(column), table.columns * column, column, y.t, x.t};
 }
 
-template <class Float, class Memory, class Offset>
-CUTICLE_HD Float interpolate(const Memory &data, const Bilinear<Float> &at, const Offset &offset) {
-    using Traits = ArrayTraits<Float>;
-    using Index = typename Traits::Index;
-    const Index first = at.index + Index(offset);
-    const auto value = [&](int from) { return Float(Traits::gather(data, Index(first + Index(from)))); };
-    return math::bilinear(value(0), value(at.column_step), value(at.row_step), value(at.row_step + at.column_step), at.a,
-                          at.b);
+template <class Value, class Float, class Memory, class Index>
+CUTICLE_HD Value interpolate(const Memory &data, const Bilinear<Float> &at, const Index &offset) {
+    return bilinear_value<Value>(data, Index(at.index + offset), at.row_step, at.column_step, at.a, at.b, 0);
 }
-
-// A channel between two of a table's, for an absorption between theirs; a channel of the table itself is an int.
-template <class Float> struct ChannelBetween {
-    typename ArrayTraits<Float>::Index first;  // the other is first + 1
-    Float t;
-};
 
 // Interpolates between two absorptions. ln N is nearly linear in sigma_a, since the paths that leave in one direction have
 // similar lengths.
@@ -163,17 +153,18 @@ template <class Float> CUTICLE_HD Float between_absorptions(const Float &lower_,
 }
 
 // N_p of one channel.
-template <class Float, class Memory>
-CUTICLE_HD Float azimuthal_value(const AzimuthalTable<Memory> &table, const Bilinear<Float> &at, int p, int channel) {
-    return interpolate<Float>(table.data, at, p * table.channels + channel);
+template <class Value, class Float, class Memory>
+CUTICLE_HD Value azimuthal_value(const AzimuthalTable<Memory> &table, const Bilinear<Float> &at, int p, int channel) {
+    using Index = typename ArrayTraits<Float>::Index;
+    return interpolate<Value>(table.data, at, Index(p * table.channels + channel));
 }
-template <class Float, class Memory>
-CUTICLE_HD Float azimuthal_value(const AzimuthalTable<Memory> &table, const Bilinear<Float> &at, int p,
+template <class Value, class Float, class Memory>
+CUTICLE_HD Value azimuthal_value(const AzimuthalTable<Memory> &table, const Bilinear<Float> &at, int p,
                                  const ChannelBetween<Float> &channel) {
     using Index = typename ArrayTraits<Float>::Index;
     const Index first = channel.first + Index(p * table.channels);
-    return between_absorptions(interpolate<Float>(table.data, at, first),
-                               interpolate<Float>(table.data, at, Index(first + Index(1))), channel.t);
+    return between_absorptions(interpolate<Value>(table.data, at, first),
+                               interpolate<Value>(table.data, at, Index(first + Index(1))), channel.t);
 }
 
 // Absorptions in geometric steps, as channels first … first + count - 1 of a table.

@@ -135,23 +135,27 @@ CUTICLE_HD Value chiang_rest(const Value &energy, const Float &theta_i, const Fl
            Float(.5 / pi<double>);
 }
 
+// The energy at a viewer, of the channel `channel` of the table.
+template <class Value, class Float, class Scalar, class Memory, class Index>
+CUTICLE_INLINE Value rest_energy(const ChiangRest<Scalar, Memory> &rest, const Float &theta_r, const Index &channel) {
+    using Traits = ArrayTraits<Value>;
+    const Place<Float> row = locate_inclination(theta_r, rest.rows);
+    const Index at = row.node * Index(rest.channels) + channel;
+    return math::convex(Value(Traits::gather(rest.energy, at)),
+                        Value(Traits::gather(rest.energy, Index(at + Index(rest.channels)))), row.t);
+}
+
 // The same for a viewer and a channel, an int or a ChannelBetween: the constant that marschner_terms leaves 0.
 template <class Float, class Scalar, class Memory, class Channel>
 CUTICLE_HD Float chiang_far_rest(const ChiangRest<Scalar, Memory> &rest, const Float &theta_i, const Float &theta_r,
                                  const Channel &channel) {
-    using Traits = ArrayTraits<Float>;
-    using Index = typename Traits::Index;
-    const Place<Float> place = locate_inclination(theta_r, rest.rows);
-    const auto energy = [&](const Index &c) {
-        const Index at = place.node * Index(rest.channels) + c;
-        const Float near = Traits::gather(rest.energy, at),
-                    far = Traits::gather(rest.energy, Index(at + Index(rest.channels)));
-        return math::convex(near, far, place.t);
-    };
-    Float all;
-    if constexpr (std::is_integral_v<Channel>) all = energy(Index(channel));
-    else all = between_absorptions(energy(channel.first), energy(Index(channel.first + Index(1))), channel.t);
-    return chiang_rest(all, theta_i, theta_r, Float(rest.variance));
+    using Index = typename ArrayTraits<Float>::Index;
+    Float energy;
+    if constexpr (std::is_integral_v<Channel>) energy = rest_energy<Float>(rest, theta_r, Index(channel));
+    else
+        energy = between_absorptions(rest_energy<Float>(rest, theta_r, channel.first),
+                                     rest_energy<Float>(rest, theta_r, Index(channel.first + Index(1))), channel.t);
+    return chiang_rest(energy, theta_i, theta_r, Float(rest.variance));
 }
 
 // marschner_terms of the far field: R, TT and TRT, whose azimuthal tables are logistic, and the rest.

@@ -11,54 +11,44 @@
 
 namespace cuticle {
 
-// Averages on inclinations i: -limit + 2 limit i / (rows - 1): [rows][channels][average_columns].
-template <class Scalar, class Memory = const Scalar *> struct AverageTable {
+// Averages at inclinations from pole to pole: [row][Averages][channel].
+template <class Memory> struct AverageTable {
     Memory data;
-    int rows;
-    Scalar limit;
+    int rows, channels;
 };
+
+// Rows lie evenly in s, theta = (pi/2) (1 - (1 - |s|)²) with its sign: dense toward the poles, where Fresnel's reflection
+// and with it the averages change by the square root of what is left.
+template <class Float> CUTICLE_INLINE Place<Float> locate_average(const Float &theta, int rows) {
+    const Float left = math::max(Float(Float(1) - math::abs(theta) * Float(2 / pi<double>)), Float(0));
+    const Float s = math::copysign(Float(Float(1) - math::sqrt(left)), theta);
+    return locate_node(Float((s + Float(1)) * Float(.5) * Float(rows - 1)), rows);
+}
 
 template <class Scalar, class Memory = const Scalar *> struct DualScatteringModel {
     FibreLobes<Scalar> fibre;               // its form is longitudinal_of(formulation)
     AzimuthalTable<Memory> direct, spread;  // N_p and, for zinke2008, N^G_p
-    AverageTable<Scalar, Memory> averages;  // for zinke2008
+    AverageTable<Memory> averages;          // for zinke2008
     Formulation formulation;
     Scalar d_f, d_b;
     ThroughTable<Scalar, Memory> through;  // for exact
 };
 
-template <class Float, class Scalar, class Memory, class Channel>
-CUTICLE_HD Averages<Float> averages_at(const AverageTable<Scalar, Memory> &table, const Float &theta, const Channel &channel,
-                                       int channels) {
-    using Traits = ArrayTraits<Float>;
-    using Index = typename Traits::Index;
-    const Place<Float> place = locate_viewer(theta, table.rows, Float(table.limit));
-    const Index first = (place.node * Index(channels) + Index(channel)) * Index(average_columns);
-    const auto at = [&](int column) {
-        const Float lower = Traits::gather(table.data, Index(first + Index(column)));
-        const Float upper = Traits::gather(table.data, Index(first + Index(column + channels * average_columns)));
-        return math::linear(lower, upper, place.t);
-    };
-    return {at(0), at(1), at(2), at(3), at(4), at(5), at(6), at(7), at(8)};
-}
-
-template <class Float, class Scalar, class Memory>
-CUTICLE_HD Averages<Float> averages_at(const AverageTable<Scalar, Memory> &table, const Float &theta,
-                                       const ChannelBetween<Float> &channel, int channels) {
+template <class Value, class Float, class Memory, class Channel>
+CUTICLE_HD Averages<Value> averages_at(const AverageTable<Memory> &table, const Float &theta, const Channel &channel) {
     using Index = typename ArrayTraits<Float>::Index;
-    const Averages<Float> a = averages_at(table, theta, channel.first, channels);
-    const Averages<Float> b = averages_at(table, theta, Index(channel.first + Index(1)), channels);
-    const Float t = math::clamp(channel.t, Float(0), Float(1));
-    const auto mix = [&](const Float &x, const Float &y) { return Float(x + t * (y - x)); };
-    return {mix(a.a_f, b.a_f),
-            mix(a.a_b, b.a_b),
-            mix(a.alpha_f, b.alpha_f),
-            mix(a.alpha_b, b.alpha_b),
-            mix(a.beta_f, b.beta_f),
-            mix(a.beta_b, b.beta_b),
-            mix(a.back_energy, b.back_energy),
-            mix(a.back_shift, b.back_shift),
-            mix(a.back_deviation, b.back_deviation)};
+    const Place<Float> row = locate_average(theta, table.rows);
+    const Index first = Index(0);
+    const int one = table.channels, size = average_columns * one;
+    return {between_rows<Value>(table.data, first, row, size, 0, channel),
+            between_rows<Value>(table.data, first, row, size, one, channel),
+            between_rows<Value>(table.data, first, row, size, 2 * one, channel),
+            between_rows<Value>(table.data, first, row, size, 3 * one, channel),
+            between_rows<Value>(table.data, first, row, size, 4 * one, channel),
+            between_rows<Value>(table.data, first, row, size, 5 * one, channel),
+            between_rows<Value>(table.data, first, row, size, 6 * one, channel),
+            between_rows<Value>(table.data, first, row, size, 7 * one, channel),
+            between_rows<Value>(table.data, first, row, size, 8 * one, channel)};
 }
 
 // How many others stand around a strand.
@@ -85,18 +75,18 @@ template <class Float> CUTICLE_HD Float direct_share(const Surroundings<Float> &
 template <class Float> struct Arrival {
     Float through, count;
 };
-template <class Float>
-CUTICLE_HD Arrival<Float> arrival(const Surroundings<Float> &around, const Float &lit, const Float &a_f) {
+template <class Value, class Float>
+CUTICLE_HD Arrival<Value> arrival(const Surroundings<Float> &around, const Float &lit, const Value &a_f) {
     const Float n = math::max(around.strands, Float(0));
     if (around.random) {
-        const Float mean = n * a_f, none = math::decay(Float(-mean));
-        const Float through = math::max(Float(math::decay(Float(mean - n)) - lit), Float(0));
-        return {through, select(mean < Float(.02), Float(Float(1) + mean * Float(.5)),
-                                Float(mean / math::max(Float(1) - none, Float(.01))))};
+        const Value mean = n * a_f, none = math::decay(Value(-mean));
+        const Value through = math::max(Value(math::decay(Value(mean - n)) - lit), Value(0));
+        return {through, select(mean < Value(.02), Value(Value(1) + mean * Float(.5)),
+                                Value(mean / math::max(Value(Value(1) - none), Value(.01))))};
     }
     const Float count = math::max(n, Float(1));
-    const Float left = math::decay(Float(count * math::log(math::max(a_f, Float(smallest<Float>)))));
-    return {(Float(1) - lit) * left, count};
+    const Value left = math::decay(Value(count * math::log(math::max(a_f, Value(smallest<Float>)))));
+    return {(Float(1) - lit) * left, Value(count)};
 }
 
 // The paper's: what f takes from light among others, in one channel: f = Σ_p lit M(α_p, β_p²) N_p
@@ -106,13 +96,13 @@ template <class Float> struct Among {
     Float lit, share, spread;
     Float back, spread_back, back_shift, back_variance;
 };
-template <class Float>
-CUTICLE_INLINE Among<Float> among_others(const Averages<Float> &a, const Surroundings<Float> &around, const Float &d_f,
+template <class Value, class Float>
+CUTICLE_INLINE Among<Value> among_others(const Averages<Value> &a, const Surroundings<Float> &around, const Float &d_f,
                                          const Float &d_b) {
-    const Float lit = direct_share(around), back = Float(2 / pi<double>) * d_b * a.back_energy;
-    const Arrival<Float> light = arrival(around, lit, a.a_f);
-    const Float density = d_f * d_f;  // printed twice: T_f holds one
-    return {lit,
+    const Float lit = direct_share(around), density = d_f * d_f;  // printed twice: T_f holds one
+    const Value back = Float(2 / pi<double>) * d_b * a.back_energy;
+    const Arrival<Value> light = arrival(around, lit, a.a_f);
+    return {Value(lit),
             density * light.through,
             light.count * a.beta_f * a.beta_f,
             back,
@@ -131,15 +121,14 @@ template <class Float> CUTICLE_INLINE Float strands_met(const Surroundings<Float
 template <class Float> struct Shares {
     Float lit, scattered, back, direct_back;
 };
-template <class Float>
-CUTICLE_INLINE Shares<Float> shares(const Behind<Float> &end, const Surroundings<Float> &around, const Float &d_f,
+template <class Value, class Float>
+CUTICLE_INLINE Shares<Value> shares(const Behind<Value> &end, const Surroundings<Float> &around, const Float &d_f,
                                     const Float &d_b) {
-    const Float b = math::max(around.behind, Float(0));
-    const Float none = math::decay(Float(-end.scattered * b)), direct = math::decay(Float(-end.direct * b));
-    const Float lit = direct_share(around), other = d_f * math::max(Float(Float(1) - lit), Float(0));
-    return {lit, other * (Float(1) - (Float(1) - end.alone) * none),
-            d_b * other * math::max(Float(Float(1) - none), Float(0)),
-            d_b * lit * math::max(Float(Float(1) - direct), Float(0))};
+    const Float b = math::max(around.behind, Float(0)), lit = direct_share(around);
+    const Float other = d_f * math::max(Float(Float(1) - lit), Float(0)), back = d_b * other, direct_back = d_b * lit;
+    const Value none = math::decay(Value(-end.scattered * b)), direct = math::decay(Value(-end.direct * b));
+    return {Value(lit), other * (Value(1) - (Value(1) - end.alone) * none),
+            back * math::max(Value(Value(1) - none), Value(0)), direct_back * math::max(Value(Value(1) - direct), Value(0))};
 }
 
 // The parts of through_lobes times their shares; those left out of `lobes` (LobeMask) are 0.
@@ -152,8 +141,7 @@ template <class Float> CUTICLE_INLINE void shared(const Shares<Float> &share, in
 template <class Float, class Scalar, class Memory>
 CUTICLE_INLINE ThroughPlace<Float> place_among(const ThroughTable<Scalar, Memory> &table, const Float &theta_r,
                                                const Surroundings<Float> &around) {
-    return locate(table, theta_r, strands_met(around), around.random ? random_strands : counted_sheets,
-                  around.random || any_above(around.strands, Float(0)));
+    return locate(table, theta_r, strands_met(around), around.random, around.random || any_above(around.strands, Float(0)));
 }
 
 // Turns the direct rows' weights of marschner_terms into what f is around the fibre among others, in one channel: an int or
@@ -167,14 +155,14 @@ CUTICLE_HD void add_surroundings(const DualScatteringModel<Scalar, Memory> &mode
     const Float d_f = Float(model.d_f), d_b = Float(lobes & mask_back ? model.d_b : Scalar(0));
     if (model.formulation == Formulation::exact) {
         const ThroughPlace<Float> place = place_among(model.through, theta_r, around);
-        const Shares<Float> share = shares(behind_at(model.through, place.row, channel), around, d_f, d_b);
+        const Shares<Float> share =
+            shares(behind_at<Float>(model.through.behind, place.row, model.through.channels, channel), around, d_f, d_b);
         through_lobes(through_moments(model.through, place, channel), theta_i, t.through);
         for (int p = 0; p < lobe_count; ++p) t.weight[direct_rows][p] = share.lit * t.weight[direct_rows][p];
         shared(share, lobes, t.through);
         return;
     }
-    const Averages<Float> a =
-        averages_at(model.averages, azimuthal_inclination(form, theta_i, theta_r), channel, model.direct.channels);
+    const Averages<Float> a = averages_at<Float>(model.averages, azimuthal_inclination(form, theta_i, theta_r), channel);
     const Among<Float> light = among_others(a, around, d_f, d_b);
     for (int p = 0; p < lobe_count; ++p) t.weight[direct_rows][p] = light.lit * t.weight[direct_rows][p];
     if (!Traits::any(light.lit < Float(1))) {

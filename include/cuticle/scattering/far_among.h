@@ -41,8 +41,8 @@ template <class Float, class Scalar, class Memory, class Channel>
 CUTICLE_HD AmongParts<Float> among_parts(const MeanStrands<Scalar, Memory> &mean, const ThroughPlace<Float> &place,
                                          const Surroundings<Float> &around, const OwnParts<Float> &own,
                                          const Channel &channel) {
-    const Shares<Float> share =
-        shares(behind_at(mean.through, place.row, channel), around, Float(mean.d_f), Float(mean.d_b));
+    const Shares<Float> share = shares(behind_at<Float>(mean.through.behind, place.row, mean.through.channels, channel),
+                                       around, Float(mean.d_f), Float(mean.d_b));
     AmongParts<Float> parts{share.lit, through_moments(mean.through, place, channel, &own)};
     shared(share, mask_all, parts.through.energy);
     return parts;

@@ -9,14 +9,14 @@
 #ifndef CUTICLE_SCATTERING_FUNCTION_TABLE_H
 #define CUTICLE_SCATTERING_FUNCTION_TABLE_H
 
+#include "cuticle/math/table_values.h"
 #include "cuticle/sampler/strand_counts.h"
 
 namespace cuticle {
 
 template <class Scalar, class Memory = const Scalar *> struct TabulatedModel {
-    Memory shape;           // [counts][viewers][rows][columns][channels]: 1/sr
-    Memory log_energy;      // [counts][energies][channels]
-    const Scalar *strands;  // [counts]: if several, from 0 and 1 on, or from 1 or more
+    Memory shape;       // [counts][viewers][rows][columns][channels]: 1/sr
+    Memory log_energy;  // [counts][energies][channels]
     int counts, viewers, energies, rows, columns, channels;
     Scalar reach, stretch;  // sinh(reach) / stretch is pi
     bool even;              // columns over [0, pi], else over [-pi, pi]
@@ -56,28 +56,32 @@ CUTICLE_HD Trilinear<Float> locate(const TabulatedModel<Scalar, Memory> &table, 
     const Place<Float> viewer = locate_fraction(fraction, table.viewers), energy = locate_fraction(fraction, table.energies);
     const Place<Float> row = locate_fraction(row_fraction(theta_i, theta_r, Float(table.stretch), share), table.rows);
     const Place<Float> column = locate_fraction(column_fraction(phi, table.even), table.columns);
-    Trilinear<Float> at;
-    at.column_step = table.channels;
-    at.row_step = table.columns * at.column_step;
-    at.viewer_step = table.rows * at.row_step;
-    at.first = viewer.node * Index(at.viewer_step) + row.node * Index(at.row_step) + column.node * Index(at.column_step);
-    at.energy = energy.node;
-    at.a = viewer.t, at.b = row.t, at.c = column.t, at.e = energy.t;
-    return at;
+    const int column_step = table.channels, row_step = table.columns * column_step, viewer_step = table.rows * row_step;
+    return {viewer.node * Index(viewer_step) + row.node * Index(row_step) + column.node * Index(column_step),
+            energy.node,
+            viewer_step,
+            row_step,
+            column_step,
+            viewer.t,
+            row.t,
+            column.t,
+            energy.t};
 }
 
 // The shape in one strand count's table and channel.
-template <class Float, class Memory, class Index>
-CUTICLE_HD Float interpolate(const Memory &shape, const Trilinear<Float> &at, const Index &offset) {
-    const auto value = [&](int from) {
-        return Float(ArrayTraits<Float>::gather(shape, Index(at.first + offset + Index(from))));
-    };
-    const auto sheet = [&](int from) {
-        const int next = from + at.row_step;
-        return math::bilinear(value(from), value(from + at.column_step), value(next), value(next + at.column_step), at.b,
-                              at.c);
-    };
-    return math::convex(sheet(0), sheet(at.viewer_step), at.a);
+template <class Value, class Float, class Memory, class Index>
+CUTICLE_HD Value interpolate(const Memory &shape, const Trilinear<Float> &at, const Index &offset) {
+    const Index near = at.first + offset, far = near + Index(at.viewer_step);
+    return math::convex(bilinear_value<Value>(shape, near, at.row_step, at.column_step, at.b, at.c, 0),
+                        bilinear_value<Value>(shape, far, at.row_step, at.column_step, at.b, at.c, 0), at.a);
+}
+// ln of the energy of one strand count and channel.
+template <class Value, class Float, class Scalar, class Memory, class Index>
+CUTICLE_INLINE Value log_energy_at(const TabulatedModel<Scalar, Memory> &table, const Trilinear<Float> &at,
+                                   const Index &count, int channel) {
+    const Index i = (count * Index(table.energies) + at.energy) * Index(table.channels);
+    return math::convex(channel_value<Value>(table.log_energy, i, channel),
+                        channel_value<Value>(table.log_energy, i, channel + table.channels), at.e);
 }
 
 // The factors of the shapes at two counts, given the logs of their energies. Up to one strand, the functions for none and
@@ -95,35 +99,32 @@ CUTICLE_INLINE CountWeights<Value> count_weights(const Value &low, const Value &
     return {(Float(1) - t) * math::exp(lower), t * math::exp(upper)};
 }
 
-// f in 1/sr, without a cosine, into f[channels], for `strands` between the fibre and the light; a table of one count ignores
-// it.
+// f cos(theta_i) in one channel, for `strands` between the fibre and the light, which lie among the counts at `count`; a
+// table of one count ignores both.
+template <class Value, class Float, class Scalar, class Memory>
+CUTICLE_HD Value tabulated_value(const TabulatedModel<Scalar, Memory> &table, const Trilinear<Float> &at,
+                                 const CountInterval<Float> &count, const Float &strands, int channel) {
+    using Index = typename ArrayTraits<Float>::Index;
+    if (table.counts == 1)
+        return math::exp(log_energy_at<Value>(table, at, Index(0), channel)) *
+               interpolate<Value>(table.shape, at, Index(channel));
+    const Index size = Index(table.viewers * at.viewer_step), lower = count.row * size + Index(channel);
+    const CountWeights<Value> w =
+        count_weights(log_energy_at<Value>(table, at, count.row, channel),
+                      log_energy_at<Value>(table, at, Index(count.row + Index(1)), channel), count, strands);
+    return w.lower * interpolate<Value>(table.shape, at, lower) +
+           w.upper * interpolate<Value>(table.shape, at, Index(lower + size));
+}
+
+// f in 1/sr, without a cosine, into f[channels]; counts: of strands [table.counts], if several, from 0 and 1 on, or from 1
+// or more.
 template <class Float, class Scalar, class Memory>
-CUTICLE_HD void tabulated_eval(const TabulatedModel<Scalar, Memory> &table, const Float &theta_i, const Float &theta_r,
-                               const Float &phi, const Float &strands, Float *f) {
-    using Traits = ArrayTraits<Float>;
-    using Index = typename Traits::Index;
+CUTICLE_HD void tabulated_eval(const TabulatedModel<Scalar, Memory> &table, const Scalar *counts, const Float &theta_i,
+                               const Float &theta_r, const Float &phi, const Float &strands, Float *f) {
     const Trilinear<Float> at = locate(table, theta_i, theta_r, phi);
+    const CountInterval<Float> count = locate_count(counts, table.counts, strands);
     const Float secant = Float(1) / math::cos_theta(theta_i);
-    const int size = table.viewers * at.viewer_step, energies = table.energies * table.channels;
-    const auto log_energy = [&](const Index &count, int channel) {
-        const Index i = count * Index(energies) + at.energy * Index(table.channels) + Index(channel);
-        const Float near = Traits::gather(table.log_energy, i);
-        const Float far = Traits::gather(table.log_energy, Index(i + Index(table.channels)));
-        return math::convex(near, far, at.e);
-    };
-    if (table.counts == 1) {
-        for (int c = 0; c < table.channels; ++c)
-            f[c] = math::exp(log_energy(Index(0), c)) * interpolate(table.shape, at, Index(c)) * secant;
-        return;
-    }
-    const CountInterval<Float> count = locate_count(table.strands, table.counts, strands);
-    for (int c = 0; c < table.channels; ++c) {
-        const Index lower = count.row * Index(size) + Index(c), next = Index(count.row + Index(1));
-        const CountWeights<Float> w = count_weights(log_energy(count.row, c), log_energy(next, c), count, strands);
-        f[c] = (w.lower * interpolate(table.shape, at, lower) +
-                w.upper * interpolate(table.shape, at, Index(lower + Index(size)))) *
-               secant;
-    }
+    for (int c = 0; c < table.channels; ++c) f[c] = tabulated_value<Float>(table, at, count, strands, c) * secant;
 }
 
 }  // namespace cuticle

@@ -98,7 +98,7 @@ CUTICLE_HD void marschner_terms(const FibreLobes<Scalar> &fibre, const Float &th
 template <class Float, class Memory, class Channel>
 CUTICLE_HD void look_up(const AzimuthalTable<Memory> &table, AzimuthalRows rows, const Bilinear<Float> &at,
                         const Channel &channel, AzimuthalValues<Float> &values) {
-    for (int p = 0; p < lobe_count; ++p) values.rows[rows][p] = azimuthal_value(table, at, p, channel);
+    for (int p = 0; p < lobe_count; ++p) values.rows[rows][p] = azimuthal_value<Float>(table, at, p, channel);
 }
 
 // f in 1/sr, without a cosine, at phi into f[channels], from marschner_terms.

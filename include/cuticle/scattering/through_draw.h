@@ -30,25 +30,19 @@ CUTICLE_HD ThroughMixture<Float> through_mixture(const ThroughDraw<Scalar, Memor
     using Index = typename ArrayTraits<Float>::Index;
     const Place<Float> row = locate_viewer(theta_r, table.rows, Float(table.limit));
     const auto value = [&](int part, int column) {
-        const Index i = row.node * Index(through_parts * draw_columns) + Index(part * draw_columns + column);
-        return math::linear(Float(ArrayTraits<Float>::gather(table.lobes, i)),
-                            Float(ArrayTraits<Float>::gather(table.lobes, Index(i + Index(through_parts * draw_columns)))),
-                            row.t);
+        return between_rows<Float>(table.lobes, Index(0), row, through_parts * draw_columns, part * draw_columns + column,
+                                   0);
     };
     ThroughMixture<Float> mix;
     mix.azimuth_row = locate_viewer(theta_r, table.azimuth_rows, Float(table.limit));
     Float total = Float(0);
     for (int p = 0; p < through_parts; ++p) {
-        const bool its = p < lobe_count;
-        mix.share[p] = value(p, draw_energy);
-        mix.axis[p] = value(p, draw_axis);
-        mix.variance[p] = value(p, draw_variance);
-        if (its) {
-            mix.share[p] = mix.share[p] * own.energy[p];
-            mix.axis[p] = mix.axis[p] + own.tilt[p];
-            mix.variance[p] = widened(mix.variance[p], own.variance[p]);
-        }
-        total = total + mix.share[p];
+        ThroughPart<Float> part = {value(p, draw_energy), value(p, draw_axis), value(p, draw_variance)};
+        if (p < lobe_count) part = own_part(part, own.energy[p], own.tilt[p], own.variance[p]);
+        mix.share[p] = part.energy;
+        mix.axis[p] = part.axis;
+        mix.variance[p] = part.variance;
+        total = total + part.energy;
     }
     for (int p = 0; p < through_parts; ++p) mix.share[p] = mix.share[p] / total;
     return mix;
@@ -70,10 +64,7 @@ CUTICLE_HD Float through_pdf(const ThroughDraw<Scalar, Memory> &table, const Thr
     Float sum = Float(0);
     for (int p = 0; p < through_parts; ++p) {
         const Index i = mix.azimuth_row.node * Index(row) + column.node * Index(2) + Index(p * table.nodes * 2);
-        const auto at = [&](int further) {
-            return Float(ArrayTraits<Float>::gather(table.azimuth, Index(i + Index(further))));
-        };
-        const Float around = math::bilinear(at(0), at(2), at(row), at(row + 2), mix.azimuth_row.t, column.t);
+        const Float around = bilinear_value<Float>(table.azimuth, i, row, 2, mix.azimuth_row.t, column.t, 0);
         sum = sum + mix.share[p] * along[p] * around;
     }
     return sum;

@@ -16,15 +16,16 @@ namespace cuticle {
 constexpr int through_parts = lobe_count + 1;
 // First what the strands behind send back of direct light, then all parts for 0 (sheets: 1), 1, 2, 4, 8 and 16 strands.
 constexpr int through_slots = 7;
-enum ThroughColumn { through_log_energy, through_bend, through_axis, through_variance, through_columns };
-enum Arrangement { counted_sheets, random_strands };
+constexpr int through_columns = 4;  // ln of the energy, its bend (through_energy), the M's axis and its variance
 
+// Each table stands twice: for strands that are counted, in sheets, then for a Poisson number of them (`random`).
 template <class Scalar, class Memory = const Scalar *> struct ThroughTable {
-    Memory lobes;    // [arrangement][slot][row][column][part][channel], theta_r from -limit to limit
-    Memory azimuth;  // [arrangement][slot][azimuth row][column][part][channel], the same theta_r; phi from 0 to pi
-    Memory behind;   // [row][Behind][channel]
+    Memory lobes;    // [random][slot][row][column][part][channel], theta_r from -limit to limit
+    Memory azimuth;  // [random][slot][azimuth row][column][part][channel], the same theta_r; phi from 0 to pi
+    Memory behind;   // [row][Behind][channel], once
     int rows, azimuth_rows, columns, channels;
     Scalar limit;
+    int parts = through_parts;  // 1 where what memory holds at an index is all parts
 };
 
 // Among 0, 1, 2, 4, 8 and 16 strands: the node below, the fraction toward the next, and how far past the last.
@@ -64,28 +65,47 @@ CUTICLE_INLINE Value through_energy(const Value &lower, const Value &upper, cons
 template <class Float> struct ThroughPlace {
     StrandsPlace<Float> strands;
     Place<Float> row, azimuth_row;
-    int arrangement;
+    bool random;
     bool scattered;  // whether any light met other strands: else no part is looked up
 };
 template <class Float, class Scalar, class Memory>
 CUTICLE_INLINE ThroughPlace<Float> locate(const ThroughTable<Scalar, Memory> &table, const Float &theta_r,
-                                          const Float &strands, Arrangement arrangement, bool scattered) {
+                                          const Float &strands, bool random, bool scattered) {
     const Float limit = Float(table.limit);
     return {locate_strands(strands), locate_viewer(theta_r, table.rows, limit),
-            locate_viewer(theta_r, table.azimuth_rows, limit), arrangement, scattered};
+            locate_viewer(theta_r, table.azimuth_rows, limit), random, scattered};
 }
 
-// A channel's values, and those between two channels.
-template <class Float, class Memory, class Index>
-CUTICLE_INLINE Float channel_value(const Memory &data, const Index &first, int channel) {
-    return ArrayTraits<Float>::gather(data, Index(first + Index(channel)));
+// A part's energy and its M.
+template <class Value> struct ThroughPart {
+    Value energy, axis, variance;
+};
+template <class Value, class Float, class Scalar, class Memory, class Channel>
+CUTICLE_INLINE ThroughPart<Value> through_part(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at,
+                                               int part, const Channel &channel) {
+    using Index = typename ArrayTraits<Float>::Index;
+    const int column = table.parts * table.channels, size = through_columns * column, slot = table.rows * size;
+    const int energy = part * table.channels, bend = energy + column, axis = bend + column, variance = axis + column;
+    const Index lower = Index(at.random ? through_slots * slot : 0) + (at.strands.node + Index(1)) * Index(slot);
+    const Index upper = lower + Index(slot);
+    return {through_energy(between_rows<Value>(table.lobes, lower, at.row, size, energy, channel),
+                           between_rows<Value>(table.lobes, upper, at.row, size, energy, channel),
+                           between_rows<Value>(table.lobes, lower, at.row, size, bend, channel), at.strands),
+            math::linear(between_rows<Value>(table.lobes, lower, at.row, size, axis, channel),
+                         between_rows<Value>(table.lobes, upper, at.row, size, axis, channel), at.strands.t),
+            math::linear(between_rows<Value>(table.lobes, lower, at.row, size, variance, channel),
+                         between_rows<Value>(table.lobes, upper, at.row, size, variance, channel), at.strands.t)};
 }
-template <class Float, class Memory, class Index>
-CUTICLE_INLINE Float channel_value(const Memory &data, const Index &first, const ChannelBetween<Float> &channel) {
-    const Index lower = first + channel.first;
-    return math::linear(Float(ArrayTraits<Float>::gather(data, lower)),
-                        Float(ArrayTraits<Float>::gather(data, Index(lower + Index(1)))),
-                        math::clamp(channel.t, Float(0), Float(1)));
+// What comes back of direct light: the last part.
+template <class Value, class Float, class Scalar, class Memory, class Channel>
+CUTICLE_INLINE ThroughPart<Value> direct_back(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at,
+                                              const Channel &channel) {
+    using Index = typename ArrayTraits<Float>::Index;
+    const int column = table.parts * table.channels, size = through_columns * column, last = column - table.channels;
+    const Index first = Index(at.random ? through_slots * table.rows * size : 0);
+    return {math::exp(between_rows<Value>(table.lobes, first, at.row, size, last, channel)),
+            between_rows<Value>(table.lobes, first, at.row, size, 2 * column + last, channel),
+            between_rows<Value>(table.lobes, first, at.row, size, 3 * column + last, channel)};
 }
 
 // How a strand differs from the others, for which the tables were made: its parts' energies are those times `energy`, and
@@ -93,49 +113,38 @@ CUTICLE_INLINE Float channel_value(const Memory &data, const Index &first, const
 template <class Float> struct OwnParts {
     Float energy[lobe_count], tilt[lobe_count], variance[lobe_count];
 };
-template <class Float> CUTICLE_INLINE Float widened(const Float &variance, const Float &by) {
-    return math::max(Float(variance + by), Float(1e-4));
+template <class Value>
+CUTICLE_INLINE ThroughPart<Value> own_part(const ThroughPart<Value> &others, const Value &energy, const Value &tilt,
+                                           const Value &variance) {
+    return {others.energy * energy, others.axis + tilt,
+            math::max(Value(others.variance + variance), Value(scalar_t<Value>(1e-4)))};
 }
 
 // The energies of all parts, then that of direct light's backscatter, and the M of each.
 template <class Float> struct ThroughMoments {
     Float energy[through_parts + 1];
     Several<Float, through_parts + 1> axis, variance;
+
+    CUTICLE_INLINE void set(int i, const ThroughPart<Float> &part) {
+        energy[i] = part.energy;
+        axis.set(i, part.axis);
+        variance.set(i, part.variance);
+    }
 };
 template <class Float, class Scalar, class Memory, class Channel>
 CUTICLE_INLINE ThroughMoments<Float> through_moments(const ThroughTable<Scalar, Memory> &table,
                                                      const ThroughPlace<Float> &at, const Channel &channel,
                                                      const OwnParts<Float> *own = nullptr) {
-    using Index = typename ArrayTraits<Float>::Index;
-    const int size = through_columns * through_parts * table.channels, slot = table.rows * size;
-    const Index first = Index(at.arrangement * through_slots * slot) + at.row.node * Index(size);
-    const auto value = [&](const Index &from, int column, int part) {
-        const Index i = from + Index((column * through_parts + part) * table.channels);
-        return math::linear(channel_value<Float>(table.lobes, i, channel),
-                            channel_value<Float>(table.lobes, Index(i + Index(size)), channel), at.row.t);
-    };
-    const Index lower = first + (at.strands.node + Index(1)) * Index(slot), upper = lower + Index(slot);
     using Parts = Several<Float, through_parts + 1>;
     ThroughMoments<Float> moments{{}, Parts(0), Parts(1)};
     for (int p = 0; p < through_parts; ++p) {
         moments.energy[p] = Float(0);
         if (!at.scattered) continue;
-        const auto between = [&](int column) {
-            return math::linear(value(lower, column, p), value(upper, column, p), at.strands.t);
-        };
-        moments.energy[p] = through_energy(value(lower, through_log_energy, p), value(upper, through_log_energy, p),
-                                           value(lower, through_bend, p), at.strands);
-        moments.axis.set(p, between(through_axis));
-        moments.variance.set(p, between(through_variance));
-        if (!own || p == lobe_count) continue;  // the last is the others'
-        moments.energy[p] = moments.energy[p] * own->energy[p];
-        moments.axis.set(p, Float(between(through_axis) + own->tilt[p]));
-        moments.variance.set(p, widened(Float(between(through_variance)), own->variance[p]));
+        const ThroughPart<Float> others = through_part<Float>(table, at, p, channel);
+        const bool its = own && p < lobe_count;  // the last is the others'
+        moments.set(p, its ? own_part(others, own->energy[p], own->tilt[p], own->variance[p]) : others);
     }
-    constexpr int back = through_parts - 1;
-    moments.energy[through_parts] = math::exp(value(first, through_log_energy, back));
-    moments.axis.set(through_parts, value(first, through_axis, back));
-    moments.variance.set(through_parts, value(first, through_variance, back));
+    moments.set(through_parts, direct_back<Float>(table, at, channel));
     return moments;
 }
 
@@ -152,39 +161,51 @@ CUTICLE_INLINE void through_lobes(const ThroughMoments<Float> &parts, const Floa
 template <class Float> struct Behind {
     Float direct, scattered, alone;
 };
-template <class Float, class Scalar, class Memory, class Channel>
-CUTICLE_HD Behind<Float> behind_at(const ThroughTable<Scalar, Memory> &table, const Place<Float> &row,
-                                   const Channel &channel) {
+template <class Value, class Float, class Memory, class Channel>
+CUTICLE_HD Behind<Value> behind_at(const Memory &behind, const Place<Float> &row, int channels, const Channel &channel) {
     using Index = typename ArrayTraits<Float>::Index;
-    const auto value = [&](int j) {
-        const Index i = row.node * Index(3 * table.channels) + Index(j * table.channels);
-        return math::linear(channel_value<Float>(table.behind, i, channel),
-                            channel_value<Float>(table.behind, Index(i + Index(3 * table.channels)), channel), row.t);
-    };
-    return {value(0), value(1), value(2)};
+    const Index first = Index(0);
+    const int size = 3 * channels;
+    return {between_rows<Value>(behind, first, row, size, 0, channel),
+            between_rows<Value>(behind, first, row, size, channels, channel),
+            between_rows<Value>(behind, first, row, size, 2 * channels, channel)};
+}
+
+// A part's density of phi in the slot that begins at `first`; column: that of phi.
+template <class Value, class Float, class Scalar, class Memory, class Index, class Channel>
+CUTICLE_INLINE Value turn_value(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at, const Index &first,
+                                const Place<Float> &column, int part, const Channel &channel) {
+    const int size = table.parts * table.channels, row = table.columns * size;
+    const Index lower = first + at.azimuth_row.node * Index(row) + column.node * Index(size) + Index(part * table.channels);
+    return bilinear_value<Value>(table.azimuth, lower, row, size, at.azimuth_row.t, column.t, channel);
+}
+// The density of phi that a part is multiplied by, and that of direct light's backscatter.
+template <class Value, class Float, class Scalar, class Memory, class Channel>
+CUTICLE_INLINE Value through_turn(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at,
+                                  const Place<Float> &column, int part, const Channel &channel) {
+    using Index = typename ArrayTraits<Float>::Index;
+    const int slot = table.azimuth_rows * table.columns * table.parts * table.channels;
+    const Index lower = Index(at.random ? through_slots * slot : 0) + (at.strands.node + Index(1)) * Index(slot);
+    return math::convex(turn_value<Value>(table, at, lower, column, part, channel),
+                        turn_value<Value>(table, at, Index(lower + Index(slot)), column, part, channel), at.strands.t);
+}
+template <class Value, class Float, class Scalar, class Memory, class Channel>
+CUTICLE_INLINE Value direct_back_turn(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at,
+                                      const Place<Float> &column, const Channel &channel) {
+    using Index = typename ArrayTraits<Float>::Index;
+    const int slot = table.azimuth_rows * table.columns * table.parts * table.channels;
+    const Index first = Index(at.random ? through_slots * slot : 0);
+    return turn_value<Value>(table, at, first, column, table.parts - 1, channel);
 }
 
 // The densities of phi that the lobes are multiplied by: values[through_parts + 1].
 template <class Float, class Scalar, class Memory, class Channel>
 CUTICLE_INLINE void through_azimuths(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at,
                                      const Float &phi, const Channel &channel, Float *values) {
-    using Index = typename ArrayTraits<Float>::Index;
     const Place<Float> column = locate_azimuth(phi, table.columns);
-    const int size = through_parts * table.channels, row = table.columns * size, slot = table.azimuth_rows * row;
-    const Index first =
-        Index(at.arrangement * through_slots * slot) + at.azimuth_row.node * Index(row) + column.node * Index(size);
-    const auto value = [&](const Index &from, int part) {
-        const Index i = from + Index(part * table.channels);
-        return math::bilinear(channel_value<Float>(table.azimuth, i, channel),
-                              channel_value<Float>(table.azimuth, Index(i + Index(size)), channel),
-                              channel_value<Float>(table.azimuth, Index(i + Index(row)), channel),
-                              channel_value<Float>(table.azimuth, Index(i + Index(row + size)), channel), at.azimuth_row.t,
-                              column.t);
-    };
-    const Index lower = first + (at.strands.node + Index(1)) * Index(slot), upper = lower + Index(slot);
     for (int p = 0; p < through_parts; ++p)
-        values[p] = at.scattered ? Float(math::convex(value(lower, p), value(upper, p), at.strands.t)) : Float(0);
-    values[through_parts] = value(first, through_parts - 1);
+        values[p] = at.scattered ? through_turn<Float>(table, at, column, p, channel) : Float(0);
+    values[through_parts] = direct_back_turn<Float>(table, at, column, channel);
 }
 
 // What of that goes to an azimuth: the sum over parts of their lobes times their densities of phi.
@@ -204,17 +225,19 @@ template <class Float, class Memory> struct AzimuthNodes {
     int nodes, node, row;                             // how many; from one to the next
     Float between_rows, between_strands;
 };
+template <class Value, class Float, class Memory>
+CUTICLE_INLINE Value node_value(const AzimuthNodes<Float, Memory> &of, int node) {
+    using Index = typename ArrayTraits<Float>::Index;
+    const Place<Float> row = {Index(0), of.between_rows};
+    const int column = node * of.node;
+    return math::convex(between_rows<Value>(of.values, of.lower, row, of.row, column, 0),
+                        between_rows<Value>(of.values, of.upper, row, of.row, column, 0), of.between_strands);
+}
 template <class Float, class Memory> CUTICLE_INLINE int node_count(const AzimuthNodes<Float, Memory> &of) {
     return of.nodes;
 }
 template <class Float, class Memory> CUTICLE_INLINE Float node_density(const AzimuthNodes<Float, Memory> &of, int node) {
-    using Index = typename ArrayTraits<Float>::Index;
-    const auto seen = [&](const Index &i) {
-        return math::linear(Float(ArrayTraits<Float>::gather(of.values, i)),
-                            Float(ArrayTraits<Float>::gather(of.values, Index(i + Index(of.row)))), of.between_rows);
-    };
-    return math::convex(seen(Index(of.lower + Index(node * of.node))), seen(Index(of.upper + Index(node * of.node))),
-                        of.between_strands);
+    return node_value<Float>(of, node);
 }
 // `part`: up to through_parts, which is direct light's backscatter.
 template <class Float, class Scalar, class Memory>
@@ -222,11 +245,11 @@ CUTICLE_HD AzimuthNodes<Float, Memory> azimuth_nodes(const ThroughTable<Scalar, 
                                                      const ThroughPlace<Float> &at, const Float &part,
                                                      const Float &channel) {
     using Index = typename ArrayTraits<Float>::Index;
-    const int size = through_parts * table.channels, row = table.columns * size, slot = table.azimuth_rows * row;
+    const int size = table.parts * table.channels, row = table.columns * size, slot = table.azimuth_rows * row;
     const auto direct = part > Float(lobe_count);
-    const Float own = math::min(part, Float(lobe_count));
-    const Index first = Index(at.arrangement * through_slots * slot) + at.azimuth_row.node * Index(row) +
-                        ArrayTraits<Float>::to_index(Float(own * Float(table.channels) + channel));
+    const Float own = math::min(part, Float(table.parts - 1)) * Float(table.channels) + channel;
+    const Index first =
+        Index(at.random ? through_slots * slot : 0) + at.azimuth_row.node * Index(row) + ArrayTraits<Float>::to_index(own);
     const Index scattered = first + (at.strands.node + Index(1)) * Index(slot);
     return {table.azimuth,
             select(direct, first, scattered),
@@ -241,7 +264,7 @@ CUTICLE_HD AzimuthNodes<Float, Memory> azimuth_nodes(const ThroughTable<Scalar, 
 // What hair passes on of light that meets some of it: ln of its energy in all directions on, out of 1, for rows of
 // inclination theta_i of the light.
 template <class Scalar, class Memory = const Scalar *> struct TransmittanceTable {
-    Memory logs;  // [arrangement][0 (sheets: 1), 1, 2, 4, 8 and 16 strands][row][channel], theta_i from -limit to limit
+    Memory logs;  // [random][0 (sheets: 1), 1, 2, 4, 8 and 16 strands][row][channel], theta_i from -limit to limit
     int rows, channels;
     Scalar limit;
 };
@@ -249,18 +272,14 @@ template <class Scalar, class Memory = const Scalar *> struct TransmittanceTable
 // Of light that met a strand: `strands` in all where they are counted, or expected of a Poisson number of them.
 template <class Float, class Scalar, class Memory, class Channel>
 CUTICLE_HD Float transmittance(const TransmittanceTable<Scalar, Memory> &table, const Float &theta_i, const Float &strands,
-                               Arrangement arrangement, const Channel &channel) {
+                               bool random, const Channel &channel) {
     using Index = typename ArrayTraits<Float>::Index;
     const StrandsPlace<Float> at = locate_strands(strands);
     const Place<Float> row = locate_viewer(theta_i, table.rows, Float(table.limit));
     const int slot = table.rows * table.channels;
-    const Index lower =
-        (at.node + Index(arrangement * (through_slots - 1))) * Index(slot) + row.node * Index(table.channels);
-    const auto value = [&](const Index &i) {
-        return math::linear(channel_value<Float>(table.logs, i, channel),
-                            channel_value<Float>(table.logs, Index(i + Index(table.channels)), channel), row.t);
-    };
-    return through_energy(value(lower), value(Index(lower + Index(slot))), Float(0), at);
+    const Index lower = (at.node + Index(random ? through_slots - 1 : 0)) * Index(slot), upper = lower + Index(slot);
+    return through_energy(between_rows<Float>(table.logs, lower, row, table.channels, 0, channel),
+                          between_rows<Float>(table.logs, upper, row, table.channels, 0, channel), Float(0), at);
 }
 
 }  // namespace cuticle

@@ -8,7 +8,6 @@ from cuticle._support.version import __version__
 from cuticle.export.headers import amalgamate
 from cuticle.export.registry import Export, Job
 from cuticle.export.source import environment
-from cuticle.scattering.fibre_tables import AVERAGE_LIMIT
 
 _ROOTS = {
     "dual": "scattering/dual_scattering.h", "strand": "scattering/marschner.h", "chiang": "scattering/chiang.h",
@@ -31,6 +30,6 @@ def header(job: Job, *, cuda: bool) -> Export:
         about=job.about(), core=amalgamate(roots), name=name, guard=f"{name.upper()}_CUTICLE_H", frame=job.frame,
         version=__version__.split("."), lobes=nodes.shape[3], theta_nodes=nodes.shape[1], strands=sampler.strands,
         even=sampler.even, nodes=nodes, energy=energy, model=tables, kind=tables.kind if tables is not None else "",
-        average_limit=AVERAGE_LIMIT, cuda=cuda, family=job.lobe_family,
+        cuda=cuda, family=job.lobe_family,
     )  # fmt: skip
     return Export(text, nodes.nbytes + energy.nbytes, model=tables)

@@ -6,20 +6,20 @@ what they need of the headers are printed together.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cuticle.export.formulas import FLOAT, Printer, Vector, headers, print_formulas
 from cuticle.export.formulas.tree import BOOL, Record, Type
-from cuticle.export.literals import singles
+from cuticle.export.literals import single
 from cuticle.export.registry import Export, Job, Tables
 from cuticle.export.source import environment
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.compact_table import FunctionTable
-from cuticle.scattering.fibre_tables import AVERAGE_LIMIT
+from cuticle.scattering.fibre_tables import ThroughTables
+from cuticle.scattering.mean_strands import MeanStrands
 
 TEXTURE_WIDTH = 1024  # every device of OpenGL ES 3.0 has 2048
 
@@ -67,6 +67,8 @@ def shader(job: Job, dialect: Dialect, *, inline: bool = True) -> Export:
     types = {"Set": Vector("float", min(sampler.lobes, 4))}
     externals = {"table": Vector("float", 4), "energy": FLOAT}
     values = _lobe_values(job, texels)
+    jinja = environment()
+    text = jinja.get_template("sampler.formulas.j2").render(values)
     data = b""
     if tables is not None:
         if tables.channels > 4:
@@ -75,11 +77,8 @@ def shader(job: Job, dialect: Dialect, *, inline: bool = True) -> Export:
             )
         types["Color"] = Vector("float", tables.channels)
         externals["model"] = Vector("float", 4)
-        values |= _model_values(tables)
+        text += jinja.get_template("model.formulas.j2").render(_model_values(tables), data=tables, frame=job.frame)
         data = model_texels(tables).tobytes()
-    jinja = environment()
-    names = ("sampler", "model") if tables is not None else ("sampler",)
-    text = "".join(jinja.get_template(f"{part}.formulas.j2").render(values) for part in names)
     functions = print_formulas(text, printer, types=types, externals=externals)  # after which heads are known
     file = jinja.get_template("shader.j2").render(
         values, heading=_heading(job, dialect, printer), n=name, N=name.upper(), dialect=dialect, p=printer,
@@ -97,7 +96,7 @@ def _lobe_values(job: Job, texels: NDArray[np.float32]) -> dict[str, object]:
     return dict(
         family=job.lobe_family, fields=headers().fields(f"{job.lobe_family}::Density"),
         lobes=sampler.lobes, width=width, lanes="xyzw"[:width],
-        G=groups, rows=rows, nodes=nodes, row=nodes * 5 * groups, counts=", ".join(singles(sampler.strands)),
+        G=groups, rows=rows, nodes=nodes, row=nodes * 5 * groups, counts=_counts(sampler.strands),
         even=str(bool(sampler.even)).lower(), blends=rows > 1 and sampler.strands[0] == 0, frame=job.frame, data=job.tables,
         back=["xyz"[job.frame.axes.index(a)] for a in "xyz"],
     )  # fmt: skip
@@ -177,7 +176,7 @@ def model_texels(tables: Tables) -> NDArray[np.float32]:
         if tables.through is not None:
             parts += [x.astype(np.float32) for x in tables.through[:3]]
         if tables.averages is not None:
-            parts.append(tables.averages.swapaxes(1, 2))  # channels last
+            parts.append(tables.averages)
         if tables.rest is not None:
             parts.append(tables.rest)
     return texture_rows(np.concatenate([p.reshape(-1, p.shape[-1]) for p in parts]))
@@ -191,30 +190,39 @@ def texture_rows(texels: NDArray) -> NDArray[np.float32]:
     return out.reshape(height, TEXTURE_WIDTH, 4)
 
 
-def _model_values(tables: Tables) -> Mapping[str, object]:
-    components = "xyzw"[: tables.channels]
+def _model_values(tables: Tables) -> dict[str, object]:
+    """What the model's template asks for; tables begin at texels of the texture, and sizes are in texels."""
     if isinstance(tables, FunctionTable):
         counts, viewers, rows, columns, _ = tables.shape.shape
-        step = rows * columns
         return {
-            "components": components, "step": 1, "counts": counts, "viewers": viewers, "rows": rows, "columns": columns,
-            "viewer_step": step, "count_step": viewers * step, "energies": tables.log_energy.shape[1],
-            "first_energy": counts * viewers * step, "share": 0.5 / tables.reach,
+            "counts": counts, "viewers": viewers, "rows": rows, "columns": columns, "energies": tables.log_energy.shape[1],
+            "first_energy": counts * viewers * rows * columns,
+            "limits": _counts(tables.strands),
         }  # fmt: skip
     rows, columns = tables.direct.shape[:2]
+    second = 3 * rows * columns
     values: dict[str, object] = {
-        "components": components, "step": 3, "rows": rows, "columns": columns, "dual": tables.kind == "dual",
-        "form": "energy_conserving" if tables.conserving else "gaussian", "second": 3 * rows * columns,
-        "first_average": 6 * rows * columns, "average_rows": 0 if tables.averages is None else len(tables.averages),
-        "average_limit": AVERAGE_LIMIT,
+        "rows": rows, "columns": columns, "dual": tables.kind == "dual", "second": second,
+        "form": "energy_conserving" if tables.conserving else "gaussian",
     }  # fmt: skip
+    if tables.averages is not None:
+        values["averages"] = f"{{{2 * second}, {len(tables.averages)}, 1}}"
     if tables.through is not None:
-        lobes, azimuth = tables.through.lobes, tables.through.azimuth
-        first, second = 3 * rows * columns, 3 * rows * columns + lobes.size // tables.channels
-        values |= {
-            "first_through": first, "through_rows": lobes.shape[2], "through_slot": 16 * lobes.shape[2],
-            "first_azimuth": second, "azimuth_rows": azimuth.shape[2], "azimuth_columns": azimuth.shape[3],
-            "azimuth_slot": 4 * azimuth.shape[2] * azimuth.shape[3],
-            "first_behind": second + azimuth.size // tables.channels,
-        }  # fmt: skip
+        values["through"] = through_table(tables.through, second, tables.channels, 1)
     return values
+
+
+def _counts(strands: ArrayLike) -> list[float]:
+    """Counts of strands, two at the least: one stands for all numbers."""
+    counts = np.asarray(strands, float).tolist()
+    return counts if len(counts) > 1 else [counts[0], counts[0] + 1]
+
+
+def through_table(tables: ThroughTables | MeanStrands, first: int, texel: int, channels: int) -> str:
+    """Return a ThroughTable over texels from the first on, each of so many values: all channels, or all parts of one."""
+    lobes, azimuth = tables.lobes, tables.azimuth
+    second = first + lobes.size // texel
+    third = second + azimuth.size // texel
+    parts = lobes.shape[4] * lobes.shape[5] // (texel * channels)
+    sizes = f"{lobes.shape[2]}, {azimuth.shape[2]}, {azimuth.shape[3]}, {channels}"
+    return f"{{{first}, {second}, {third}, {sizes}, {single(tables.limit)}, {parts}}}"

@@ -9,7 +9,7 @@ from cuticle import _core
 from cuticle.export.formulas import Printer, Vector, print_formulas
 from cuticle.export.formulas.tree import Record
 from cuticle.export.registry import Export, FamilyJob
-from cuticle.export.shader import TEXTURE_WIDTH, Dialect, texture_rows
+from cuticle.export.shader import TEXTURE_WIDTH, Dialect, texture_rows, through_table
 from cuticle.export.source import environment
 from cuticle.scattering.bcsdf import REC709
 from cuticle.scattering.family_among import FamilyAmong
@@ -57,23 +57,23 @@ def family_shader(job: FamilyJob, dialect: Dialect) -> Export:
 
 
 def among_texels(around: MeanStrands) -> NDArray[np.float32]:
-    """Return the tables of the strands around as rows of texels, shape (height, width, 4): the four parts side by side."""
+    """Return the tables of the strands around as rows of texels, shape (height, width, 4).
+
+    A texel of the first two holds the four parts of one channel; of the last, all channels.
+    """
     lobes, azimuth, behind = around[:3]
-    ends = np.zeros((len(behind), behind.shape[2], 4))
-    ends[..., :3] = behind.swapaxes(1, 2)
+    ends = np.zeros((behind.shape[0] * behind.shape[1], 4))
+    ends[:, : behind.shape[2]] = behind.reshape(-1, behind.shape[2])
     parts = (lobes.swapaxes(-1, -2), azimuth.swapaxes(-1, -2), ends)
     return texture_rows(np.concatenate([p.reshape(-1, 4) for p in parts]))
 
 
 def _among_values(among: FamilyAmong, parameters: str) -> dict[str, object]:
-    """What the template asks for of the strands around; sizes are in texels."""
-    lobes, azimuth = among.around.lobes, among.around.azimuth
-    rows, azimuth_rows, columns = lobes.shape[2], azimuth.shape[2], azimuth.shape[3]
+    """What the template asks for of the strands around."""
+    around = among.around
     return dict(
-        names=", ".join(p.split()[-1] for p in parameters.split(", ")), rows=rows, azimuth_rows=azimuth_rows,
-        columns=columns, slot=12 * rows, turn_row=3 * columns, turn_slot=3 * columns * azimuth_rows,
-        first_azimuth=lobes.size // 4, first_behind=(lobes.size + azimuth.size) // 4,
-        limit=among.around.limit, tilt=among.around.tilt, variance=among.around.variance, d_f=among.d_f, d_b=among.d_b,
+        names=", ".join(p.split()[-1] for p in parameters.split(", ")), through=through_table(around, 0, 4, 3),
+        columns=around.azimuth.shape[3], tilt=around.tilt, variance=around.variance, d_f=among.d_f, d_b=among.d_b,
     )  # fmt: skip
 
 

@@ -20,7 +20,6 @@ from cuticle.scattering.chiang import Chiang
 from cuticle.scattering.compact_table import FunctionTable, tabulate_function
 from cuticle.scattering.dual_scattering import DualScattering
 from cuticle.scattering.fibre import Fibre
-from cuticle.scattering.fibre_tables import AVERAGE_LIMIT
 from cuticle.scattering.host_tables import TOLERANCE
 from cuticle.scattering.marschner import Marschner
 from cuticle.scattering.through_strands import passed_through, through_tables
@@ -115,7 +114,6 @@ def _fibre_tables(props: Any, fibre: Fibre | Chiang, ranged: bool) -> None:
     props["exact"] = isinstance(fibre, Chiang) or fibre.formulation == "exact"
     for name in ("d_f", "d_b"):
         props[name] = getattr(fibre, name, 1.0)
-    props["limit"] = float(AVERAGE_LIMIT)
     props["exact_channels"] = fibre.channels
     props["sigma_a_low"] = tables.low
     props["sigma_a_ratio"] = _RATIO

@@ -16,7 +16,7 @@ from cuticle._support.values import Value
 from cuticle.scattering.azimuthal import evaluate_core, lobe_mask
 from cuticle.scattering.bcsdf import Plotted
 from cuticle.scattering.fibre import LOBES, Fibre
-from cuticle.scattering.fibre_tables import AVERAGE_LIMIT, FibreTables
+from cuticle.scattering.fibre_tables import FibreTables
 from cuticle.scattering.marschner import LONGITUDINAL_OF, Marschner, check_fibre
 from cuticle.scattering.registry import first_class
 from cuticle.scattering.through_strands import through_tables
@@ -24,6 +24,7 @@ from cuticle.scattering.through_strands import through_tables
 PARTS = (*LOBES, "back")
 FORMULATIONS = ("exact", "zinke2008")
 _AVERAGE_ROWS = 181
+_LEFT_AT_POLE = 1e-6  # of a quarter turn, up to which the averages are tabulated: at the pole itself nothing is absorbed
 _AVERAGE_QUADRATURE = 1440
 
 
@@ -132,7 +133,7 @@ class DualScattering(Value, Plotted):
 
     @property
     def average_table(self) -> NDArray[np.float64]:
-        """`Averages` at inclinations from -AVERAGE_LIMIT to AVERAGE_LIMIT, shape (rows, channels, 9)."""
+        """`Averages` at `average_inclinations()`, shape (rows, 9, channels)."""
         return _averages(self.fibre, str(self.formulation))
 
     def _among(self, *, medium: bool) -> _core.Model:
@@ -140,7 +141,7 @@ class DualScattering(Value, Plotted):
         if self._exact:
             return _core.Model(f.alpha, f.beta, tables.direct, *through_tables(f, medium=medium), f.d_f, f.d_b)
         averages = self.average_table
-        return _core.Model(f.alpha, f.beta, tables.direct, tables.spread, averages, AVERAGE_LIMIT, f.d_f, f.d_b)
+        return _core.Model(f.alpha, f.beta, tables.direct, tables.spread, averages, f.d_f, f.d_b)
 
     @cached_property
     def _medium(self) -> _core.Model:
@@ -167,10 +168,10 @@ class DualScattering(Value, Plotted):
     def averages(self, theta: ArrayLike) -> Averages:
         """Return the half-sphere averages at inclinations `theta` (radians)."""
         t = validate.angles("theta", theta, validate.HALF_PI, np.float64)
-        grid = np.linspace(-AVERAGE_LIMIT, AVERAGE_LIMIT, _AVERAGE_ROWS)
-        table = self.average_table
+        even = np.linspace(-1, 1, _AVERAGE_ROWS)
+        at = np.copysign(1 - np.sqrt(1 - np.abs(t) / (np.pi / 2)), t)
         columns = [
-            np.stack([np.interp(t, grid, table[:, c, j]) for c in range(self.channels)], axis=-1)
+            np.stack([np.interp(at, even, self.average_table[:, j, c]) for c in range(self.channels)], axis=-1)
             for j in range(len(Averages._fields))
         ]
         return Averages(*columns)
@@ -233,20 +234,25 @@ class DualScattering(Value, Plotted):
         return evaluate_core(core, self.channels, lobe_mask(lobes, PARTS), theta_i, theta_r, phi, n, b)
 
 
+def average_inclinations() -> NDArray[np.float64]:
+    """Return inclinations from pole to pole, radians, shape (rows,), among which the core's locate_average finds a place."""
+    s = np.linspace(-1, 1, _AVERAGE_ROWS)
+    return np.copysign(np.pi / 2 * (1 - np.maximum((1 - np.abs(s)) ** 2, _LEFT_AT_POLE)), s)
+
+
 @lru_cache(maxsize=16)
 def _averages(fibre: Fibre, formulation: str) -> NDArray[np.float64]:
     halves = Marschner(fibre, LONGITUDINAL_OF[formulation]).tables.halves
-    table = np.empty((_AVERAGE_ROWS, fibre.channels, _core.average_columns))
-    exact = formulation == "exact"
-    _core.averages(fibre.alpha, fibre.beta, exact, fibre.d_b, AVERAGE_LIMIT, _AVERAGE_QUADRATURE, halves, table)
-    total = table[:, :, 0] + table[:, :, 1]
+    table = np.empty((_AVERAGE_ROWS, _core.average_columns, fibre.channels))
+    exact, theta = formulation == "exact", average_inclinations()
+    _core.averages(fibre.alpha, fibre.beta, exact, fibre.d_b, theta, _AVERAGE_QUADRATURE, halves, table)
+    total = table[:, 0] + table[:, 1]
     row, channel = np.unravel_index(np.argmax(total), total.shape)
     if not total[row, channel] < 1 - 1e-9:
-        theta = np.degrees(np.linspace(-AVERAGE_LIMIT, AVERAGE_LIMIT, _AVERAGE_ROWS)[row])
         remedy = "raise sigma_a" if exact else 'raise sigma_a, or use formulation="exact", which conserves energy'
         raise ValueError(
             f"light scattered forward and back, a_f + a_b, must stay below 1, got {total[row, channel]:.4g} at theta"
-            f" {theta:.3g}° (channel {channel}): multiple scattering has no sum; {remedy}"
+            f" {np.degrees(theta[row]):.3g}° (channel {channel}): multiple scattering has no sum; {remedy}"
         )
     table.setflags(write=False)
     return table

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from cuticle import _core
 
-AVERAGE_LIMIT = np.radians(89.5)  # at the pole itself Fresnel's term is 1 and nothing is ever absorbed
-
 
 class ThroughTables(NamedTuple):
     """What the core's ThroughTable views (through_strands.h).
@@ -46,7 +44,7 @@ class FibreTables:
     through
         For "exact": what comes through other strands.
     averages
-        For "zinke2008": shape (rows, channels, 9).
+        For "zinke2008": shape (rows, 9, channels).
     formulation, d_f, d_b
         Of dual scattering.
     rest, rest_variance
@@ -112,7 +110,7 @@ class FibreTables:
         if self.through is not None:
             return _core.Model(self.alpha, self.beta, direct, *self.through, self.d_f, self.d_b)
         if self.spread is not None and self.averages is not None:
-            others = self.spread.astype(float), self.averages.astype(float), AVERAGE_LIMIT
+            others = self.spread.astype(float), self.averages.astype(float)
             return _core.Model(self.alpha, self.beta, direct, *others, self.d_f, self.d_b)
         if self.rest is not None:
             return _core.Model(self.alpha, self.beta, direct, self.rest.astype(float), self.rest_variance)

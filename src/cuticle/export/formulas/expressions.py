@@ -40,6 +40,7 @@ INTRINSICS = {
 INSTEAD = {
     "sin": "math::sin_turned", "cos": "math::cos_turned", "asin": "math::asin_signed", "copysign": "math::copysign_chosen",
 }  # fmt: skip
+MEMORY = "model"  # what a host calls the fetch of a texel; memory is the number of the first
 _COMPARE = ("<", ">", "<=", ">=", "==", "!=")
 
 
@@ -165,6 +166,9 @@ class Expressions:
         if last == "is_same_v" and name.arguments:
             a, b = (self.type(x, scope) for x in name.arguments)
             return Literal(BOOL, a == b)
+        if last == "is_arithmetic_v" and name.arguments:
+            kind = self.type(name.arguments[0], scope)
+            return Literal(BOOL, isinstance(kind, Vector) and kind.size == 1)
         if last in ("is_pack", "CUTICLE_ORDERS_NAN"):
             return Literal(BOOL, False)
         if last == "abreast":
@@ -239,7 +243,7 @@ class Expressions:
         if (
             "::" in name.path and isinstance(scope.types.get(name.path.split("::")[0]), Traits)
         ) or name.path == "ArrayTraits":
-            return self.of_traits(name.member or last, value, scope)
+            return self.of_traits(name, value, scope)
         if last == "load_abreast":
             return self.element(cpp.Index(*value.arguments), scope)
         if last == "sum_abreast":
@@ -273,10 +277,17 @@ class Expressions:
             scope.refuse(f"the cast {words(value)} is outside the subset")
         return Make(kind, (x,))
 
-    def of_traits(self, member: str, value: cpp.Call, scope: Scope) -> Node:
-        """ArrayTraits<T>::any and to_index."""
-        (x,) = (self.node(a, scope) for a in value.arguments)
+    def of_traits(self, name: cpp.Name, value: cpp.Call, scope: Scope) -> Node:
+        """ArrayTraits<T>::any, to_index and gather, which takes as many components of a texel as T has."""
+        member = name.member or name.path.rsplit("::", 1)[-1]
+        x, *more = (self.node(a, scope) for a in value.arguments)
         assert isinstance(x.type, Vector)
+        if member == "gather" and x.type == INT and MEMORY in self.externals:
+            traits = scope.types.get(name.path.split("::")[0])
+            kind = traits.of if isinstance(traits, Traits) else self.type((name.arguments or ())[0], scope)
+            texel = Invoke(self.externals[MEMORY], MEMORY, (_whole("+", x, more[0]),), external=True)
+            assert isinstance(kind, Vector)
+            return texel if kind == texel.type else Field(kind, texel, "xyzw"[: kind.size])
         if member == "any" and x.type.kind == "bool":
             return x if x.type.size == 1 else Intrinsic(BOOL, "any", (x,))
         if member == "to_index":

@@ -113,7 +113,9 @@ class Instances(Expressions):
         body = without_unused(self.lines(declared.body, inside))
         marks = [k for k, v in known.items() if isinstance(v, Literal) and v.value is True]
         marks += [str(v.value) for v in known.values() if isinstance(v, Literal) and isinstance(v.type, Choice)]
-        marks += [str(v.value) for n in _unsaid(declared) if isinstance(v := known.get(n), Literal)]
+        unsaid = _unsaid(declared)
+        marks += [str(v.value) for n in unsaid if isinstance(v := known.get(n), Literal)]
+        marks += [f"{t.kind}{t.size}" for n in unsaid if isinstance(t := scope.types.get(n), Vector) and t.size > 1]
         plain = declared.name + "".join(f"_{m.lower()}" for m in marks)
         used = tuple((k, t, c) for k, t, c in parameters)
         made = Instance(plain, inside.result, used, body, declared.comment)
@@ -374,9 +376,9 @@ def constant_of(f: Instance) -> Literal | None:
 
 
 def _unsaid(declared: cpp.Function) -> list[str]:
-    """A template's numbers that the types of its arguments do not tell, and the name of an instance must."""
-    said = {a for p in declared.parameters for a in (p.length, *(p.type.arguments or ()))}
-    return [t.name for t in declared.template if t.kind == "int" and cpp.Name(t.name) not in said]
+    """A template's parameters that the types of its arguments do not tell, and the name of an instance must."""
+    said = {a for p in declared.parameters for a in (p.length, cpp.Name(p.type.path), *(p.type.arguments or ()))}
+    return [t.name for t in declared.template if t.kind != "bool" and cpp.Name(t.name) not in said]
 
 
 def _returns(lines: tuple[Line, ...]) -> bool:

@@ -10,8 +10,11 @@ from cuticle.export.formulas.syntax import Declaration, Struct, SubsetError, Tok
 
 # Of headers that are not read: what each means in a shader, `Instances` and `Expressions` know.
 _TEMPLATES = frozenset(
-    {"scalar_t", "ArrayTraits", "numeric_limits", "is_same_v", "Abreast", "abreast", "sum_abreast", "Several"}
-)
+    (
+        "scalar_t", "ArrayTraits", "numeric_limits", "is_same_v", "is_arithmetic_v", "Abreast", "abreast", "sum_abreast",
+        "Several",
+    )
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

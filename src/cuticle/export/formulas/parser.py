@@ -116,13 +116,14 @@ class Parser:
         self.want("<")
         out = []
         while not self.take(">"):
-            kind = self.word()
-            if kind == "typename":
-                kind = "class"
+            kind = {"typename": "class"}.get(self.here.text, self.word())
             if kind not in ("class", "bool", "int"):
                 self.refuse(f"a template parameter of type {kind!r}")
             name = self.word() if self.here.kind == "name" else ""
-            out.append(Parameter(kind, name, self.sum() if self.take("=") else None))
+            pointer = self.here.text == "=" and self.stream[self.at + 1].text == "const"
+            out.append(Parameter(kind, name, self.sum() if not pointer and self.take("=") else None))
+            while pointer and self.here.text not in (",", ">"):  # no type of a shader
+                self.next()
             if self.here.text != ">":
                 self.want(",")
         return tuple(out)
