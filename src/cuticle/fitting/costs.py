@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from functools import cache
-from importlib.resources import files
 from typing import Any
 
 MEASURED = "sample_costs.json"  # beside this file; benchmarks/bench.py --write makes it anew
@@ -13,6 +12,8 @@ MEASURED = "sample_costs.json"  # beside this file; benchmarks/bench.py --write 
 @cache
 def measured_costs() -> dict[str, Any]:
     """Return the measured costs: "origin" says where and how, "uniform" and "lobes" (by their number) the kernels."""
+    from importlib.resources import files  # a fit that is told its number of lobes asks nothing here
+
     return json.loads(files(__package__).joinpath(MEASURED).read_text(encoding="utf-8"))
 
 

@@ -44,8 +44,7 @@ def fit_table(points: Points, lobes: int, progress: Progress) -> Array:
         u = min(found, key=lambda v: loss(few.targets, few.natural(to_natural(v))).sum())
         u = relabel(few, u) if more <= _GROWN else u  # what a split adds has one order
     if len(u) < len(points.on_nodes):
-        u = (insert @ u.reshape(few.on_nodes.size, -1)).reshape(*points.on_nodes.shape, *u.shape[2:])
-        u = polish(coarse, u, steps)
+        u = polish(coarse, np.tensordot(insert, u, 1), steps)
     return polish(points, u, steps, lambda f: progress("polishing", 0.5 + 0.5 * f))
 
 
@@ -170,7 +169,7 @@ def split(points: Points, u: Array, lobes: int) -> Array:
     A lobe turns into two that lie apart, or differ in width. Each is split in the way that gains most in a few steps at some
     of the nodes by themselves; those whose split gains most are.
     """
-    rows, even = np.unique(np.linspace(0, len(u) - 1, 3).astype(int)), points.targets.even
+    rows, even = sorted({int(r) for r in np.linspace(0, len(u) - 1, 3)}), points.targets.even
     nodes = [(r, i) for r in rows for i in range(0, THETA_NODES, 6)]
     on_node, some = points.on_nodes, np.array([u[r, i] for r, i in nodes])
     ways = [(k, way) for k in range(u.shape[3]) for way in _WAYS]

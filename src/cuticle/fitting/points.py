@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +11,6 @@ from numpy.typing import NDArray
 from cuticle.fitting.mixture import Array
 from cuticle.fitting.targets import Targets, make_targets
 from cuticle.scattering.bcsdf import Bcsdf
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_array  # takes longer to import than all of this package: a fit does, its reader does not
 
 THETA_NODES = 25  # every 7.5 degrees
 END = np.radians(89.5)  # stands for the pole, where f·cos degenerates
@@ -25,13 +21,16 @@ _BETWEEN = (0.5, 0.25, 0.75)  # rows: lobes that follow the light halfway can lo
 class Points:
     """Where the fit looks: viewers on and between nodes, for rows on and between strand counts.
 
-    `row` and `node` are places, counted in the table's rows and nodes; `share` (points, rows * nodes) holds the part that
-    each entry of the table has in a point's parameters; `on_nodes` (rows, nodes) holds the points that lie on entries.
+    Points are those `seen` of a grid of places along rows and along nodes, (row places, node places); `by_row` (row places,
+    rows) and `by_node` (node places, nodes) interpolate the table's parameters to them. `row` and `node` are each point's
+    places, counted in the table's rows and nodes; `on_nodes` (rows, nodes) holds the points that lie on entries.
     """
 
+    seen: NDArray[np.bool_]
+    by_row: Array
+    by_node: Array
     row: Array
     node: Array
-    share: csr_array
     on_nodes: NDArray[np.intp]
     theta_r: Array
     strands: Array
@@ -39,49 +38,47 @@ class Points:
 
     def natural(self, x: Array) -> Array:
         """Return the table's parameters at each point: x (rows, nodes, 5, K) -> (points, 5, K)."""
-        return (self.share @ x.reshape(self.on_nodes.size, -1)).reshape(-1, *x.shape[2:])
+        there = np.tensordot(self.by_row, self.by_node @ x.reshape(*self.on_nodes.shape, -1), 1)
+        return there[self.seen].reshape(-1, *x.shape[2:])
 
     def by_entry(self, values: Array) -> Array:
         """Return each entry's share of the points' values: (points, ...) -> (rows * nodes, ...)."""
-        return (self.share.T @ values.reshape(len(values), -1)).reshape(-1, *values.shape[1:])
+        there = np.zeros((*self.seen.shape, values[0].size))
+        there[self.seen] = values.reshape(len(values), -1)
+        return (self.by_node.T @ np.tensordot(self.by_row.T, there, 1)).reshape(-1, *values.shape[1:])
 
-    def octaves(self) -> tuple[Points, csr_array]:
-        """Return the same points for a table of rows an octave apart, and what interpolates its entries to all rows."""
-        from scipy.sparse import csr_array, kron
-
+    def octaves(self) -> tuple[Points, Array]:
+        """Return the same points for a table of rows an octave apart, and what interpolates those to all: (rows, few)."""
         rows = self.strands[self.on_nodes[:, 0]]
         kept = [0]
         for i, n in enumerate(rows):
             if n >= 2 * rows[kept[-1]] > 0 or i == len(rows) - 1 > 0:
                 kept.append(i)
         few = np.arange(len(kept))
-        insert = kron(_shares(np.interp(rows, rows[kept], few), len(kept)), np.eye(THETA_NODES), "csr")
+        insert = _shares(np.interp(rows, rows[kept], few), len(kept))
         row = np.interp(self.strands, rows[kept], few)
-        return replace(self, row=row, share=csr_array(self.share @ insert), on_nodes=self.on_nodes[kept]), insert
+        return replace(self, row=row, by_row=self.by_row @ insert, on_nodes=self.on_nodes[kept]), insert
 
 
 def make_points(
     with_strands: Callable[[float], Bcsdf], strands: Sequence[float], objective: str, family: str, *, dense: bool
 ) -> Points:
-    """Tabulate the targets that a fit of these strand counts looks at; `dense`: all viewers at every count between rows."""
-    from scipy.sparse import csr_array
+    """Tabulate the targets that a fit of these strand counts looks at; `dense`: all viewers at every count between rows.
 
+    Between 0 and the next count the sampler mixes: there is nothing to interpolate, and 0 comes alone.
+    """
     halves = [i + 0.5 for i in range(THETA_NODES - 1)]
-    places = np.sort([*range(THETA_NODES), *halves, 0.25, 0.75, THETA_NODES - 1.75, THETA_NODES - 1.25])  # in nodes
-    seen: list[tuple[float, float]] = []  # rows and nodes
-    for row, n in enumerate(strands):
-        seen += [(row, x) for x in places]
-        if row + 1 < len(strands) and n > 0:  # between 0 and the next count the sampler mixes; nothing to interpolate
-            seen += [(row + s, x) for i, x in enumerate(places) for s in (_BETWEEN if dense else (_BETWEEN[i % 3],))]
-    row, node = np.array(seen).T
-    by_row, by_node = (_shares(x, count) for x, count in ((row, len(strands)), (node, THETA_NODES)))
-    share = np.einsum("pr,pn->prn", by_row, by_node)
-    on = np.flatnonzero(share.max(axis=(1, 2)) == 1)
+    at_node = np.sort([*range(THETA_NODES), *halves, 0.25, 0.75, THETA_NODES - 1.75, THETA_NODES - 1.25])
+    at_row = np.arange(4 * len(strands) - 3) / 4
+    seen = dense | (at_row[:, None] % 1 == np.resize(_BETWEEN, len(at_node))) | (at_row[:, None] % 1 == 0)
+    by_row, by_node = _shares(at_row, len(strands)), _shares(at_node, THETA_NODES)
+    row, node = (at[i] for at, i in zip((at_row, at_node), np.nonzero(seen), strict=True))
+    on = np.flatnonzero((row % 1 == 0) & (node % 1 == 0))
     theta_r = np.clip(node * np.pi / (THETA_NODES - 1) - np.pi / 2, -END, END)
-    counts = by_row @ np.array(strands)
+    counts = np.interp(row, np.arange(len(strands)), strands)
     models = {n: with_strands(n) for n in counts}
     return Points(
-        row, node, csr_array(share.reshape(len(share), -1)), on.reshape(len(strands), THETA_NODES), theta_r, counts,
+        seen, by_row, by_node, row, node, on.reshape(len(strands), THETA_NODES), theta_r, counts,
         make_targets([models[n] for n in counts], list(theta_r), objective, family),
     )  # fmt: skip
 

@@ -106,15 +106,9 @@ def combined(
     q = arguments(inputs, 1)
     lit, count = np.clip(1 - q.strands, 0, 1), np.maximum(q.strands, 1)
     share, wider = B.density(q) * (1 - lit) * B.transmittance(a, count), B.spread(a, count)
-    difference = (q.theta_r - q.theta_i) / 2
-
-    def m(shift: Array, variance: Array) -> Array:
-        half = (q.theta_i + q.theta_r) / 2 - shift
-        return np.asarray(np.exp(-(half**2) / (2 * variance)) / np.sqrt(2 * np.pi * variance) / np.cos(difference) ** 2)
-
-    parts = []
-    for p, (alpha, variance) in enumerate(zip(F.tilts(q), F.variances(q), strict=True)):
-        parts.append(lit * direct[p] + share * m(alpha, variance + wider) * spread[p])
-    back, variance = B.backward(q) * B.direct_factor * B.energy(a) * turn, B.deviation(a, q) ** 2
-    behind = lit * back * m(B.shift(a), variance) + share * B.spread_factor * back * m(B.shift(a), variance + wider)
-    return np.stack([*parts, behind], axis=1)
+    tilts, variances = [*F.tilts(q), B.shift(a)], [*F.variances(q), B.deviation(a, q) ** 2]
+    back = B.backward(q) * B.direct_factor * B.energy(a) * turn
+    first = [*direct, back * along(F, q, tilts[-1:], variances[-1:])[0]]
+    through = along(F, q, tilts, [v + wider for v in variances])
+    further = [m * s for m, s in zip(through, [*spread, B.spread_factor * back], strict=True)]
+    return np.stack([lit * x + share * y for x, y in zip(first, further, strict=True)], axis=1)

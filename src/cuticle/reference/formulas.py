@@ -212,11 +212,14 @@ def _rows(F: Formulas, inputs: Inputs, panels: int) -> Evaluated:
     return Evaluated(stacked, f, density, np.stack(around, axis=1), mean)
 
 
-def along(F: Formulas, q: Any) -> list[Array]:
-    """Return what multiplies each lobe's azimuthal part in f, (cases, 1): M, over cos theta_i where f has it."""
+def along(F: Formulas, q: Any, tilts: Sequence[Array] = (), variances: Sequence[Array] = ()) -> list[Array]:
+    """Return what multiplies each lobe's azimuthal part in f, (cases, 1): M, over cos theta_i where f has it.
+
+    Of the lobes, or about the axes and of the variances given.
+    """
     cosine = np.cos(q.theta_i) if F.over_cosine else 1
-    sides = [F.sides(q, tilt) for tilt in F.tilts(q)]
-    return [F.longitudinal(F, q, *side, v) / cosine for side, v in zip(sides, F.variances(q), strict=True)]
+    sides = [F.sides(q, tilt) for tilt in tilts or F.tilts(q)]
+    return [F.longitudinal(F, q, *side, v) / cosine for side, v in zip(sides, variances or F.variances(q), strict=True)]
 
 
 def optics(F: Formulas, q: Any, lobes: Sequence[int] | None = None) -> tuple[list[Array], SimpleNamespace]:

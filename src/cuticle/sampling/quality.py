@@ -144,18 +144,18 @@ def channel_bounds(model: Bcsdf, theta_r: float) -> ChannelBounds:
     weight = (g.weights * np.cos(g.theta)[:, None] * (2 if even else 1)).ravel()
     f = values(g).reshape(weight.size, -1)
     energy = weight @ f
-    q = f / np.where(energy > 0, energy, 1)
+    square = (f / np.where(energy > 0, energy, 1)) ** 2
 
     def ess(p: NDArray[np.float64]) -> NDArray[np.float64]:
         density = np.maximum(p / (weight @ p), _LEAST_DENSITY)
-        return 1 / np.maximum(weight @ (q**2 / density[:, None]), 1e-300)
+        return 1 / np.maximum((weight / density) @ square, 1e-300)
 
     share = np.where(energy > 0, 1.0, 0.0) / max(int((energy > 0).sum()), 1)
-    best = rgb = ess(np.sqrt(q**2 @ share))
+    best = rgb = ess(np.sqrt(square @ share))
     for _ in range(_BALANCING):
         loss = 1 / best
         share = share * np.exp(0.7 * (loss - loss.mean()) / loss.max())
         share = share / share.sum()
-        best = ess(np.sqrt(q**2 @ share))
+        best = ess(np.sqrt(square @ share))
     bright = ess(luminance(f))
     return ChannelBounds(tuple(map(float, bright)), tuple(map(float, rgb)), float(best.min()))

@@ -143,7 +143,8 @@ class Strands(Value, Plotted):
     @property
     def passed(self) -> tuple[Array, float]:
         """What `transmittance_table` returns, and the largest inclination of its rows, radians."""
-        return transmittance_table(self._transports), float(self._directions.theta[-1])
+        passed = np.stack([t.passed() for t in self._transports], axis=-1)
+        return transmittance_table(passed), float(self._directions.theta[-1])
 
     def _through(self, count: int, past: float = 0.0) -> _Energies:
         """F through a number of strands, `past` of the way from `count` to the next; of 0, the backscatter alone."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -40,7 +39,8 @@ def through_tables(fibre: Fibre | Chiang, *, medium: bool = False) -> ThroughTab
 def passed_through(fibre: Fibre | Chiang) -> tuple[Array, float]:
     """Return `transmittance_table` of a fibre, one column an absorption, and the largest inclination of its rows."""
     tables = _tables(_plain(fibre), False)
-    return tables.passed, tables.through.limit
+    passed = _between(tables.solved, transmittance_table(tables.passed), np.array(fibre.absorption))
+    return passed, tables.through.limit
 
 
 def own_energies(fibre: Fibre | Chiang) -> Array:
@@ -52,9 +52,12 @@ def own_energies(fibre: Fibre | Chiang) -> Array:
 
 
 class _Tables(NamedTuple):
+    """`passed` is `StrandTransport`'s, a last axis the absorptions `solved`."""
+
     through: ThroughTables
-    passed: Array
     log_own: Array
+    solved: Array
+    passed: Array
 
 
 def _plain(fibre: Fibre | Chiang) -> Fibre | Chiang:
@@ -69,26 +72,26 @@ def _tables(fibre: Fibre | Chiang, medium: bool) -> _Tables:
     absorption = np.array(fibre.absorption)
     solved = _solved(absorption)
     columns = [_column(fibre, int(np.argmax(absorption == a)), medium) for a in solved]
-    tables = [_between(solved, np.stack(x, axis=-1), absorption) for x in zip(*columns, strict=True)]
-    for table in tables:
+    *tables, passed = (np.stack(x, axis=-1) for x in zip(*columns, strict=True))
+    lobes, azimuth, behind, log_own = (_between(solved, table, absorption) for table in tables)
+    for table in (lobes, azimuth, behind, log_own):
         table.setflags(write=False)
-    lobes, azimuth, behind, passed, log_own = tables
-    return _Tables(ThroughTables(lobes, azimuth, behind, float(Directions().theta[-1])), passed, log_own)
+    return _Tables(ThroughTables(lobes, azimuth, behind, float(Directions().theta[-1])), log_own, solved, passed)
 
 
 def _solved(absorption: Array) -> Array:
     """Absorptions to solve: of many, those as far apart as interpolation in their logs bridges, and the fibre's own."""
-    kept = list(np.unique(absorption[:_OWN]))
-    for a in np.unique(absorption):
+    kept = sorted({*absorption[:_OWN]})
+    for a in sorted({*absorption}):
         if a in (absorption.min(), absorption.max()) or all(x <= 0 or abs(math.log(a / x)) >= _APART for x in kept if a > 0):
             kept.append(a)
-    return np.unique(kept)
+    return np.array(sorted({*kept}))
 
 
 def _between(solved: Array, values: Array, absorption: Array) -> Array:
     """Values of all absorptions, by what lies monotonically between those solved, over their logs."""
     positive = solved > 0
-    if positive.sum() < 2:
+    if positive.sum() < 2 or {*absorption} <= {*solved}:
         return values[..., np.searchsorted(solved, absorption)]
     over_logs = monotone(np.log(solved[positive]), values[..., positive], axis=-1)
     out = over_logs(np.log(np.maximum(absorption, solved[positive][0])))
@@ -112,25 +115,24 @@ def _column(fibre: Fibre | Chiang, channel: int, medium: bool) -> tuple[Array, .
     nodes = np.stack([sheets[[0, 1, 1, 2, 4, 6, 8]], random[[0, 1, 4, 6, 8, 10, 12]]])
     halfway = np.stack([[one, half, *sheets[[3, 5, 7]]], random[[3, 5, 7, 9, 11]]])
     # A sheet more leaves 1 - share of what is missing; a Poisson number of them, exp(-share b).
-    passed = transmittance_table([transport])[..., 0]
     log_own = _log(np.array([p.energy[::-1] for p in parts]).T)
-    return *_lobes_and_azimuth(d, nodes, halfway), transport.one_behind()[:, ::-1].T, passed, log_own
+    return *_lobes_and_azimuth(d, nodes, halfway), transport.one_behind()[:, ::-1].T, log_own, transport.passed()
 
 
-def transmittance_table(transports: Sequence[StrandTransport]) -> Array:
-    """Return ln of what hair passes on of light, (2, 6, rows, channels), for channels' transports.
+def transmittance_table(passed: Array) -> Array:
+    """Return ln of what hair passes on of light, (2, 6, rows, channels), from `StrandTransport.passed` of channels.
 
     The core's TransmittanceTable views it (through_strands.h): of sheets, and of a Poisson number of them that is not 0; for
     0 (sheets: 1; a random number: the limit), 1, 2, 4, 8 and 16 strands.
     """
-    passed = _log(np.array([t.passed() for t in transports]))[..., ::-1]  # rows were directions of travel
+    logs = _log(passed)[:, ::-1]  # rows were directions of travel
     sheets = 2 ** np.arange(PASSED + 1)
     numbers, slots = np.arange(1, sheets[-1] + 1), sheets[:5]
     # Light falls as 1/(1 + c n) or as a power: nearly straight in ln n either way, between numbers so close.
-    each = np.exp(monotone(np.log(sheets), passed, axis=1)(np.log(numbers)))
+    each = np.exp(monotone(np.log(sheets), logs)(np.log(numbers)))
     shares = np.array([poisson_shares(numbers, n) for n in (1e-6, *slots)])
-    random = np.einsum("sn,cnr->csr", shares / shares.sum(axis=1, keepdims=True), each)
-    return np.moveaxis(np.array([passed[:, [0, *range(len(slots))]], _log(random)]), 1, -1)
+    random = np.tensordot(shares / shares.sum(axis=1, keepdims=True), each, 1)
+    return np.array([logs[[0, *range(len(slots))]], _log(random)])
 
 
 def poisson_shares(numbers: NDArray[np.int_], mean: float) -> Array:
