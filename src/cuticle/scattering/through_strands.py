@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 # The core's nodes, 0, 1, 2, 4, 8 and 16 strands, and halfway between them.
 _COUNTS = (0, 1, 2, 3, 4, 6, 8, 12, 16)
 _DEPTHS = (0, 1 / 16, 1 / 8, 1 / 2, 1, 3 / 2, 2, 3, 4, 6, 8, 12, 16)
+ALONG_ROWS = 2  # rows of the transport for one of the table of M's
 AZIMUTH_ROWS = 4  # rows of the transport for one of the azimuth table
 COUNTED_2 = 3  # of the slots for sheets, that of 2 of them
 _DARKEST = -230.0  # ln of the least energy that keeps its shape
@@ -76,7 +77,14 @@ def _tables(fibre: Fibre | Chiang, medium: bool) -> _Tables:
     lobes, azimuth, behind, log_own = (_between(solved, table, absorption) for table in tables)
     for table in (lobes, azimuth, behind, log_own):
         table.setflags(write=False)
-    return _Tables(ThroughTables(lobes, azimuth, behind, float(Directions().theta[-1])), log_own, solved, passed)
+    m = lobes[:, :, ::ALONG_ROWS]
+    along = np.stack([np.full(m[:, :, :, 2].shape, 0.5), *np.moveaxis(m[:, :, :, [2, 3, 2, 3]], 3, 0)], axis=3)
+    return _Tables(
+        ThroughTables(lobes[:, :, :, :2].copy(), along, azimuth, behind, float(Directions().theta[-1])),
+        log_own,
+        solved,
+        passed,
+    )
 
 
 def _solved(absorption: Array) -> Array:
