@@ -39,9 +39,7 @@ def through_tables(fibre: Fibre | Chiang, *, medium: bool = False) -> ThroughTab
 
 def passed_through(fibre: Fibre | Chiang) -> tuple[Array, float]:
     """Return `transmittance_table` of a fibre, one column an absorption, and the largest inclination of its rows."""
-    tables = _tables(_plain(fibre), False)
-    passed = _between(tables.solved, transmittance_table(tables.passed), np.array(fibre.absorption))
-    return passed, tables.through.limit
+    return _passed(_plain(fibre)), float(Directions().theta[-1])
 
 
 def own_energies(fibre: Fibre | Chiang) -> Array:
@@ -53,12 +51,8 @@ def own_energies(fibre: Fibre | Chiang) -> Array:
 
 
 class _Tables(NamedTuple):
-    """`passed` is `StrandTransport`'s, a last axis the absorptions `solved`."""
-
     through: ThroughTables
     log_own: Array
-    solved: Array
-    passed: Array
 
 
 def _plain(fibre: Fibre | Chiang) -> Fibre | Chiang:
@@ -73,18 +67,24 @@ def _tables(fibre: Fibre | Chiang, medium: bool) -> _Tables:
     absorption = np.array(fibre.absorption)
     solved = _solved(absorption)
     columns = [_column(fibre, int(np.argmax(absorption == a)), medium) for a in solved]
-    *tables, passed = (np.stack(x, axis=-1) for x in zip(*columns, strict=True))
-    lobes, azimuth, behind, log_own = (_between(solved, table, absorption) for table in tables)
-    for table in (lobes, azimuth, behind, log_own):
+    tables = [_between(solved, np.stack(x, axis=-1), absorption) for x in zip(*columns, strict=True)]
+    for table in tables:
         table.setflags(write=False)
+    lobes, azimuth, behind, log_own = tables
     m = lobes[:, :, ::ALONG_ROWS]
     along = np.stack([np.full(m[:, :, :, 2].shape, 0.5), *np.moveaxis(m[:, :, :, [2, 3, 2, 3]], 3, 0)], axis=3)
-    return _Tables(
-        ThroughTables(lobes[:, :, :, :2].copy(), along, azimuth, behind, float(Directions().theta[-1])),
-        log_own,
-        solved,
-        passed,
-    )
+    limit = float(Directions().theta[-1])
+    return _Tables(ThroughTables(lobes[:, :, :, :2].copy(), along, azimuth, behind, limit), log_own)
+
+
+@lru_cache(maxsize=16)
+def _passed(fibre: Fibre | Chiang) -> Array:
+    absorption = np.array(fibre.absorption)
+    solved, d = _solved(absorption), Directions()
+    passed = [StrandTransport(_parts(fibre, int(np.argmax(absorption == a)), d)).passed() for a in solved]
+    table = _between(solved, transmittance_table(np.stack(passed, axis=-1)), absorption)
+    table.setflags(write=False)
+    return table
 
 
 def _solved(absorption: Array) -> Array:
@@ -124,7 +124,7 @@ def _column(fibre: Fibre | Chiang, channel: int, medium: bool) -> tuple[Array, .
     halfway = np.stack([[one, half, *sheets[[3, 5, 7]]], random[[3, 5, 7, 9, 11]]])
     # A sheet more leaves 1 - share of what is missing; a Poisson number of them, exp(-share b).
     log_own = _log(np.array([p.energy[::-1] for p in parts]).T)
-    return *_lobes_and_azimuth(d, nodes, halfway), transport.one_behind()[:, ::-1].T, log_own, transport.passed()
+    return *_lobes_and_azimuth(d, nodes, halfway), transport.one_behind()[:, ::-1].T, log_own
 
 
 def transmittance_table(passed: Array) -> Array:
