@@ -113,17 +113,19 @@ def _sines(theta: Array) -> Array:
 def _weighted(theta: Array, lobes: Array) -> tuple[Array, Array]:
     """What each M of a mixture puts into each row, out of 1 for both, shape (..., rows)."""
     share, axis, variance = lobes[..., :1], lobes[..., [1, 3]], np.maximum(lobes[..., [2, 4]], _FLOOR)
-    m, rows = np.empty((*axis.shape, len(theta))), len(theta)
-    _core.energy_conserving_m(
-        np.tile(theta, axis.size), np.repeat(axis, rows), np.repeat(variance, rows), m.reshape(-1)
-    )  # fmt: skip
+    rows = len(theta)
+    m = np.empty((*axis.shape, rows))
+    _core.energy_conserving_m(np.tile(theta, axis.size), np.repeat(axis, rows), np.repeat(variance, rows), m.reshape(-1))
     m *= np.cos(theta)
     m /= np.maximum(m.sum(axis=-1, keepdims=True), 1e-300)
     return share * m[..., 0, :], (1 - share) * m[..., 1, :]
 
 
 def _likeliest(theta: Array, energy: Array, single: Array) -> Array:
-    """The mixtures for energies out of 1, shape (n, rows), from single M's given as mixtures."""
+    """The mixtures for energies out of 1, shape (n, rows), from single M's given as mixtures.
+
+    The last step is an ordinary one, and exact: the means are then the energies'.
+    """
     lobes = single * [1, 1, _NARROW, 1, _WIDE]
     log_k = -np.log(lobes[:, [2, 4]].T)
     belongs = np.full_like(energy, 0.5)
