@@ -261,14 +261,19 @@ class StrandTransport:
             loss = np.eye(len(sheet)) - sheet
         one = np.eye(len(loss))
         step = np.linalg.solve(one + 0.5 * _STEP * loss, one - 0.5 * _STEP * loss)
-        at, scattered, arrived = self._beam(functions), [], []
-        steps = [round(x / _STEP) for x in depths]
-        for n in range(steps[-1] + 1):
-            if n in steps:
-                arrived.append(at)
-                scattered.append(at.copy())
-                scattered[-1][: self.directions.rows] = 0
-            at = step @ at
+        powers = {0: one, 1: step}
+
+        def power(n: int) -> Array:
+            if n not in powers:
+                powers[n] = power(n // 2) @ power(n - n // 2)
+            return powers[n]
+
+        at, done, scattered, arrived = self._beam(functions), 0, [], []
+        for n in (round(x / _STEP) for x in depths):
+            at, done = power(n - done) @ at, n
+            arrived.append(at)
+            scattered.append(at.copy())
+            scattered[-1][: self.directions.rows] = 0
         return self._seen(scattered, (below if medium else below @ sheet) @ np.hstack(arrived))
 
     def passed(self) -> Array:
