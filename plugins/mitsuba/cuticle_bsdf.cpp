@@ -152,7 +152,7 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
     cuticle::Formulation m_formulation;
     cuticle::AbsorptionRange<float> m_range;
     struct {
-        int rows = 0, azimuth_rows = 0, columns = 0;
+        int rows = 0, along_rows = 0, azimuth_rows = 0, columns = 0;
     } m_through;
     float m_d_f, m_d_b, m_through_limit = 1, m_rest_variance = 0;
     int m_rows, m_columns, m_channels, m_exact_channels, m_average_rows = 0, m_rest_rows = 0;

@@ -21,6 +21,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -260,10 +261,9 @@ class StrandTransport:
             below, sheet = self._sheets
             loss = np.eye(len(sheet)) - sheet
         one = np.eye(len(loss))
-        step = np.linalg.solve(one + 0.5 * _STEP * loss, one - 0.5 * _STEP * loss)
-        powers = {0: one, 1: step}
+        powers: dict[int, NDArray[Any]] = {0: one, 1: np.linalg.solve(one + 0.5 * _STEP * loss, one - 0.5 * _STEP * loss)}
 
-        def power(n: int) -> Array:
+        def power(n: int) -> NDArray[Any]:
             if n not in powers:
                 powers[n] = power(n // 2) @ power(n - n // 2)
             return powers[n]

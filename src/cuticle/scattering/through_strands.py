@@ -71,8 +71,8 @@ def _tables(fibre: Fibre | Chiang, medium: bool) -> _Tables:
     tables = [_between(solved, np.stack(x, axis=-1), absorption) for x in zip(*columns, strict=True)]
     for table in tables:
         table.setflags(write=False)
-    *through, log_own = tables
-    return _Tables(ThroughTables(*through, float(Directions().theta[-1])), log_own)
+    energy, along, azimuth, behind, log_own = tables
+    return _Tables(ThroughTables(energy, along, azimuth, behind, float(Directions().theta[-1])), log_own)
 
 
 @lru_cache(maxsize=16)
