@@ -14,17 +14,6 @@ namespace cuticle {
 template <class Float> struct OwnParts {
     Float energy[lobe_count], tilt[lobe_count], variance[lobe_count];
 };
-template <class Value> CUTICLE_INLINE Value widened(const Value &variance, const Value &by) {
-    return math::max(Value(variance + by), Value(scalar_t<Value>(1e-4)));
-}
-template <class Value>
-CUTICLE_INLINE ThroughPart<Value> own_part(const ThroughPart<Value> &others, const Value &energy, const Value &tilt,
-                                           const Value &variance) {
-    return {others.energy * energy,    others.share,
-            others.axis + tilt,        widened(others.variance, variance),
-            others.second_axis + tilt, widened(others.second_variance, variance)};
-}
-
 // All parts, then direct light's backscatter.
 template <class Float> struct ThroughMoments {
     using Parts = Several<Float, through_parts + 1>;

@@ -92,6 +92,18 @@ template <class Value> CUTICLE_INLINE Value part_m(const ThroughPart<Value> &par
            (Value(1) - part.share) * energy_conserving_m(theta_i, part.second_axis, part.second_variance);
 }
 
+// A part of a strand that differs from the others: its energy by a factor, its M's by a tilt and a variance, in theta_i.
+template <class Value> CUTICLE_INLINE Value widened(const Value &variance, const Value &by) {
+    return math::max(Value(variance + by), Value(scalar_t<Value>(1e-4)));
+}
+template <class Value>
+CUTICLE_INLINE ThroughPart<Value> own_part(const ThroughPart<Value> &others, const Value &energy, const Value &tilt,
+                                           const Value &variance) {
+    return {others.energy * energy,    others.share,
+            others.axis + tilt,        widened(others.variance, variance),
+            others.second_axis + tilt, widened(others.second_variance, variance)};
+}
+
 // A column of the M's between two numbers of strands, whose slots begin at `lower` and `upper`.
 template <class Value, class Float, class Scalar, class Memory, class Index, class Channel>
 CUTICLE_INLINE Value along_value(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at,
