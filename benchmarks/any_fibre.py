@@ -183,7 +183,7 @@ def box(fibres: int, path: Path | None) -> None:
 
 
 def strands(fibres: int) -> None:
-    """Print ESS through strands like the fibre itself, of which `DualScattering` and `Strands` have tables of their own."""
+    """Print ESS through strands like the fibre itself, against `Strands`, which has light in cells and no lobes."""
     rng = np.random.default_rng(3)
     listing = table("ESS through strands, viewers within 75°")
     for column in ("fibres", "number", "strands", "mean", "1st percentile", "worst", "at .9 or more"):
@@ -193,7 +193,7 @@ def strands(fibres: int) -> None:
         told = []
         for _ in track(range(fibres), form, console=Console(stderr=True), disable=not sys.stderr.isatty()):
             fibre, single = random_fibre(form, rng)
-            model = cuticle.Strands(single) if form == "chiang" else cuticle.DualScattering(fibre)
+            model = cuticle.Strands(single)
             family = cuticle.family("dual_scattering", fibre, d_f=0.7, d_b=0.7)
             theta_r = rng.uniform(-1, 1) * np.radians(75)
             for n, ess in found.items():

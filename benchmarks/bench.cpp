@@ -163,11 +163,13 @@ int main(int argc, char **argv) {
     }
 
     const int rows = reader.integer(), columns = reader.integer(), channels = reader.integer();
-    const int through_rows = reader.integer(), azimuth_rows = reader.integer(), turns = reader.integer();
+    const int through_rows = reader.integer(), along_rows = reader.integer(), azimuth_rows = reader.integer(),
+              turns = reader.integer();
     const auto count = [](int n) { return static_cast<std::size_t>(n); };
     const int parts = 2 * cuticle::through_slots * cuticle::through_parts * channels;
     const auto direct = reader.array<float>(count(rows * columns * channels * cuticle::lobe_count));
-    const auto lobes = reader.array<float>(count(cuticle::through_columns * parts * through_rows));
+    const auto energy = reader.array<float>(count(cuticle::energy_columns * parts * through_rows));
+    const auto along = reader.array<float>(count(cuticle::along_columns * parts * along_rows));
     const auto azimuth = reader.array<float>(count(parts * azimuth_rows * turns));
     const auto behind = reader.array<float>(count(3 * channels * through_rows));
     cuticle::DualScatteringModel<float> model{};
@@ -177,7 +179,8 @@ int main(int argc, char **argv) {
     model.fibre.form = cuticle::longitudinal_of(model.formulation);
     model.direct = {direct.data(), rows, columns, channels};
     const float limit = reader.real();
-    model.through = {lobes.data(), azimuth.data(), behind.data(), through_rows, azimuth_rows, turns, channels, limit};
+    model.through = {energy.data(), along.data(), azimuth.data(), behind.data(), through_rows,
+                     along_rows,    azimuth_rows, turns,          channels,      limit};
     model.d_f = reader.real();
     model.d_b = reader.real();
     for (const float strands : {0.f, 2.f})

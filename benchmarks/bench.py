@@ -59,8 +59,8 @@ def write_input(path: Path, cases: list[tuple[str, Sampler, float]], model: cuti
         tables, fibre = model.single.tables, model.fibre
         rows, columns, _, channels = tables.direct.shape
         through = through_tables(fibre)
-        integers(rows, columns, channels, *through.lobes.shape[2:3], *through.azimuth.shape[2:4])
-        for table in (tables.direct, through.lobes, through.azimuth, through.behind, fibre.alpha, fibre.beta):
+        integers(rows, columns, channels, *(t.shape[2] for t in through[:3]), through.azimuth.shape[3])
+        for table in (tables.direct, *through[:4], fibre.alpha, fibre.beta):
             reals(table)
         reals([through.limit, fibre.d_f, fibre.d_b])
 

@@ -113,7 +113,7 @@ def test_weights_are_bounded(fibre: Fibre) -> None:
 
 def test_rows_go_on_to_where_the_shape_settles() -> None:
     assert settled_rows(DualScattering(Fibre.preset("blond"))) == (0, 1, 2, 4, 8, 16)
-    assert settled_rows(DualScattering(Fibre.preset("black"))) == (0, 1, 2, 3, 4, 8, 12, 14, 16)
+    assert settled_rows(DualScattering(Fibre.preset("black"))) == (0, 1, 2, 2.5, 3, 4, 6, 7, 8, 12, 16)
     assert settled_rows(DualScattering(Fibre.preset("document")))[-2:] == (32, 64)  # zinke2008 widens on and on
 
 

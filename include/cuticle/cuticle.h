@@ -39,6 +39,8 @@
 #include "cuticle/scattering/optics.h"
 #include "cuticle/scattering/part_draw.h"
 #include "cuticle/scattering/through_draw.h"
+#include "cuticle/scattering/through_strands.h"
+#include "cuticle/scattering/through_table.h"
 
 #include "cuticle/groom/density_grid.h"
 

@@ -30,11 +30,13 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
         m_columns = int(direct.shape(1));
         m_channels = int(direct.shape(3));
         m_direct = direct.array();
-        if (props.has_property("through_lobes")) {
-            const TensorXf &lobes = props.get_any<TensorXf>("through_lobes");
+        if (props.has_property("through_energy")) {
+            const TensorXf &energy = props.get_any<TensorXf>("through_energy");
+            const TensorXf &along = props.get_any<TensorXf>("through_along");
             const TensorXf &azimuth = props.get_any<TensorXf>("through_azimuth");
-            m_through = {int(lobes.shape(2)), int(azimuth.shape(2)), int(azimuth.shape(3))};
-            m_lobes = lobes.array();
+            m_through = {int(energy.shape(2)), int(along.shape(2)), int(azimuth.shape(2)), int(azimuth.shape(3))};
+            m_energy = energy.array();
+            m_along = along.array();
             m_azimuth = azimuth.array();
             m_through_behind = props.get_any<TensorXf>("through_behind").array();
             m_through_limit = props.get<ScalarFloat>("through_limit");
@@ -82,8 +84,8 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
         const auto tables = [](auto &b) {
             return std::tie(b.m_fibre, b.m_formulation, b.m_range, b.m_d_f, b.m_d_b, b.m_rest_variance, b.m_rows,
                             b.m_columns, b.m_channels, b.m_exact_channels, b.m_average_rows, b.m_rest_rows, b.m_direct,
-                            b.m_spread, b.m_averages, b.m_rest, b.m_through, b.m_through_limit, b.m_lobes, b.m_azimuth,
-                            b.m_through_behind);
+                            b.m_spread, b.m_averages, b.m_rest, b.m_through, b.m_through_limit, b.m_energy, b.m_along,
+                            b.m_azimuth, b.m_through_behind);
         };
         tables(*this) = tables(static_cast<const CuticleBSDF &>(made));
     }
@@ -97,16 +99,17 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
         const auto table = [&](const FloatBuffer &data) {
             return cuticle::AzimuthalTable<Memory>{cuticle_mitsuba::memory<Float>(data), m_rows, m_columns, m_channels};
         };
-        const Model model{m_fibre,
-                          table(m_direct),
-                          table(m_spread),
-                          {cuticle_mitsuba::memory<Float>(m_averages), m_average_rows, m_channels},
-                          m_formulation,
-                          m_d_f,
-                          m_d_b,
-                          {cuticle_mitsuba::memory<Float>(m_lobes), cuticle_mitsuba::memory<Float>(m_azimuth),
-                           cuticle_mitsuba::memory<Float>(m_through_behind), m_through.rows, m_through.azimuth_rows,
-                           m_through.columns, m_channels, m_through_limit}};
+        const Model model{
+            m_fibre,
+            table(m_direct),
+            table(m_spread),
+            {cuticle_mitsuba::memory<Float>(m_averages), m_average_rows, m_channels},
+            m_formulation,
+            m_d_f,
+            m_d_b,
+            {cuticle_mitsuba::memory<Float>(m_energy), cuticle_mitsuba::memory<Float>(m_along),
+             cuticle_mitsuba::memory<Float>(m_azimuth), cuticle_mitsuba::memory<Float>(m_through_behind), m_through.rows,
+             m_through.along_rows, m_through.azimuth_rows, m_through.columns, m_channels, m_through_limit}};
         const auto at =
             cuticle::locate(model.direct, cuticle::azimuthal_inclination(m_fibre.form, theta_i, r.theta), Float(phi));
         cuticle::AzimuthalTerms<Float> alone;
@@ -149,14 +152,14 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
     cuticle::Formulation m_formulation;
     cuticle::AbsorptionRange<float> m_range;
     struct {
-        int rows = 0, azimuth_rows = 0, columns = 0;
+        int rows = 0, along_rows = 0, azimuth_rows = 0, columns = 0;
     } m_through;
     float m_d_f, m_d_b, m_through_limit = 1, m_rest_variance = 0;
     int m_rows, m_columns, m_channels, m_exact_channels, m_average_rows = 0, m_rest_rows = 0;
     bool m_fixed;
-    FloatBuffer m_direct, m_spread, m_lobes, m_azimuth, m_through_behind, m_averages, m_rest;
+    FloatBuffer m_direct, m_spread, m_energy, m_along, m_azimuth, m_through_behind, m_averages, m_rest;
 
-    MI_TRAVERSE_CB(Base, m_direct, m_spread, m_lobes, m_azimuth, m_through_behind, m_averages, m_rest)
+    MI_TRAVERSE_CB(Base, m_direct, m_spread, m_energy, m_along, m_azimuth, m_through_behind, m_averages, m_rest)
 };
 
 CUTICLE_EXPORT_PARTS(CuticleBSDF)

@@ -22,7 +22,7 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
     CuticleFar(const Properties &props) : Base(props) {
         m_form = props.get<bool>("logistic") ? cuticle::Azimuthal::logistic : cuticle::Azimuthal::normal;
         m_share = props.get<ScalarFloat>("direct_share");
-        if (props.has_property("through_lobes")) read_tables(props);
+        if (props.has_property("through_energy")) read_tables(props);
         Base::set_flags(Base::varies(), others);
     }
 
@@ -47,23 +47,25 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
     // What the others do, of a mean fibre: a channel of its own for each absorption.
     struct Tables {
         bool strands = false;
-        int rows = 0, azimuth_rows = 0, columns = 0, channels = 1;
+        int rows = 0, along_rows = 0, azimuth_rows = 0, columns = 0, channels = 1;
         float limit = 1, d_f = 1, d_b = 1;
         float tilt[cuticle::lobe_count], variance[cuticle::lobe_count];
         float sigma_a[3];
-        FloatBuffer lobes, azimuth, behind, draw_lobes, draw_azimuth;
+        FloatBuffer energy, along, azimuth, behind, draw_lobes, draw_azimuth;
     };
 
     void read_tables(const Properties &props) {
         const auto buffer = [&](const char *name) { return props.get_any<TensorXf>(name).array(); };
-        const TensorXf &lobes = props.get_any<TensorXf>("through_lobes"),
+        const TensorXf &energy = props.get_any<TensorXf>("through_energy"),
+                       &along = props.get_any<TensorXf>("through_along"),
                        &azimuth = props.get_any<TensorXf>("through_azimuth");
         Tables &t = m_tables;
         t.strands = true;
-        t.rows = int(lobes.shape(2));
+        t.rows = int(energy.shape(2));
+        t.along_rows = int(along.shape(2));
         t.azimuth_rows = int(azimuth.shape(2));
         t.columns = int(azimuth.shape(3));
-        t.channels = int(lobes.shape(5));
+        t.channels = int(energy.shape(5));
         t.limit = props.get<ScalarFloat>("through_limit");
         t.d_f = props.get<ScalarFloat>("number_d_f");
         t.d_b = props.get<ScalarFloat>("number_d_b");
@@ -74,7 +76,8 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
             t.variance[p] = variance[p];
             t.sigma_a[p] = sigma_a[p];
         }
-        t.lobes = lobes.array();
+        t.energy = energy.array();
+        t.along = along.array();
         t.azimuth = azimuth.array();
         t.behind = buffer("through_behind");
         t.draw_lobes = buffer("draw_lobes");
@@ -111,8 +114,9 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
     cuticle::MeanStrands<float, Memory> mean_strands() const {
         const Tables &t = m_tables;
         cuticle::MeanStrands<float, Memory> mean{
-            {cuticle_mitsuba::memory<Float>(t.lobes), cuticle_mitsuba::memory<Float>(t.azimuth),
-             cuticle_mitsuba::memory<Float>(t.behind), t.rows, t.azimuth_rows, t.columns, t.channels, t.limit},
+            {cuticle_mitsuba::memory<Float>(t.energy), cuticle_mitsuba::memory<Float>(t.along),
+             cuticle_mitsuba::memory<Float>(t.azimuth), cuticle_mitsuba::memory<Float>(t.behind), t.rows, t.along_rows,
+             t.azimuth_rows, t.columns, t.channels, t.limit},
             {},
             {},
             t.d_f,
@@ -125,7 +129,7 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
         const Tables &t = m_tables;
         return {cuticle_mitsuba::memory<Float>(t.draw_lobes),
                 cuticle_mitsuba::memory<Float>(t.draw_azimuth),
-                t.rows,
+                t.along_rows,
                 t.azimuth_rows,
                 t.columns,
                 t.limit};
@@ -241,8 +245,8 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
     Tables m_tables;
     ref<Texture> m_mean;
 
-    MI_TRAVERSE_CB(Base, m_tables.lobes, m_tables.azimuth, m_tables.behind, m_tables.draw_lobes, m_tables.draw_azimuth,
-                   m_mean)
+    MI_TRAVERSE_CB(Base, m_tables.energy, m_tables.along, m_tables.azimuth, m_tables.behind, m_tables.draw_lobes,
+                   m_tables.draw_azimuth, m_mean)
 };
 
 CUTICLE_EXPORT_PARTS(CuticleFar)

@@ -3,6 +3,7 @@
 
 #include "arrays.h"
 #include "cuticle/scattering/far_among.h"
+#include "through_view.h"
 
 namespace native {
 namespace {
@@ -72,16 +73,14 @@ void draw(const Fibres<T> &fibres, const In<T> &theta_r, const In<T> &u, Out<T> 
 
 // Strands of a mean fibre, and a fibre of any kind among them; keeps the arrays it was given.
 template <class T> struct Among {
-    In<T> lobes, azimuth, behind;
+    In<T> energy, along, azimuth, behind;
     cuticle::MeanStrands<T> mean{};
 
-    // (2, slots, rows, 4, parts, channels), (2, slots, azimuth rows, columns, parts, channels), (rows, 3, channels).
-    Among(const In<T> &lobes_, const In<T> &azimuth_, const In<T> &behind_, T limit, const In<T> &tilt,
+    // As the Python's ThroughTables.
+    Among(const In<T> &energy_, const In<T> &along_, const In<T> &azimuth_, const In<T> &behind_, T limit, const In<T> &tilt,
           const In<T> &variance, T d_f, T d_b)
-        : lobes(lobes_), azimuth(azimuth_), behind(behind_) {
-        const auto size = [](const In<T> &a, std::size_t axis) { return static_cast<int>(a.shape(axis)); };
-        mean.through = {lobes.data(),     azimuth.data(),   behind.data(),    size(lobes, 2),
-                        size(azimuth, 2), size(azimuth, 3), size(azimuth, 5), limit};
+        : energy(energy_), along(along_), azimuth(azimuth_), behind(behind_) {
+        mean.through = through_view(energy, along, azimuth, behind, limit);
         std::copy_n(tilt.data(), cuticle::lobe_count, mean.tilt);
         std::copy_n(variance.data(), cuticle::lobe_count, mean.variance);
         mean.d_f = d_f;
@@ -132,7 +131,7 @@ template <class T> struct Among {
 template <class T> void bind_among(nb::module_ &m, const char *name) {
     using release = nb::call_guard<nb::gil_scoped_release>;
     nb::class_<Among<T>>(m, name)
-        .def(nb::init<const In<T> &, const In<T> &, const In<T> &, T, const In<T> &, const In<T> &, T, T>())
+        .def(nb::init<const In<T> &, const In<T> &, const In<T> &, const In<T> &, T, const In<T> &, const In<T> &, T, T>())
         .def(
             "eval",
             [](const Among<T> &among, bool chiang, const In<T> &parameters, const In<T> &sigma_a, const In<T> &luminance,

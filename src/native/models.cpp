@@ -6,6 +6,7 @@
 
 #include "arrays.h"
 #include "cuticle/cuticle.h"
+#include "through_view.h"
 
 namespace native {
 namespace {
@@ -115,7 +116,7 @@ nb::tuple backscatter(double a_f, double a_b, double alpha_f, double alpha_b, do
 
 // A model ready to evaluate; it keeps the arrays it was given.
 struct Model {
-    In<double> direct, spread, averages, energies, lobes, azimuth, behind;
+    In<double> direct, spread, averages, energies, through_energy, along, azimuth, behind;
     cuticle::DualScatteringModel<double> model{};
     cuticle::ChiangRest<double> rest{};
     bool dual;
@@ -135,16 +136,16 @@ struct Model {
         model.averages = {averages.data(), static_cast<int>(averages.shape(0)), model.direct.channels};
         surround(cuticle::Formulation::zinke2008, d_f, d_b);
     }
-    // The exact form: (2, slots, rows, 4, parts, channels), (2, slots, rows, columns, parts, channels), (rows, 3, channels).
-    Model(const In<double> &alpha, const In<double> &beta, const In<double> &direct_, const In<double> &lobes_,
-          const In<double> &azimuth_, const In<double> &behind_, double limit, double d_f, double d_b)
+    // The exact form, as the Python's ThroughTables.
+    Model(const In<double> &alpha, const In<double> &beta, const In<double> &direct_, const In<double> &energy_,
+          const In<double> &along_, const In<double> &azimuth_, const In<double> &behind_, double limit, double d_f,
+          double d_b)
         : Model(alpha, beta, true, direct_) {
-        lobes = lobes_;
+        through_energy = energy_;
+        along = along_;
         azimuth = azimuth_;
         behind = behind_;
-        const auto size = [](const In<double> &a, std::size_t axis) { return static_cast<int>(a.shape(axis)); };
-        model.through = {lobes.data(),     azimuth.data(),   behind.data(),    size(lobes, 2),
-                         size(azimuth, 2), size(azimuth, 3), size(azimuth, 5), limit};
+        model.through = through_view(through_energy, along, azimuth, behind, limit);
         surround(cuticle::Formulation::exact, d_f, d_b);
     }
 
@@ -358,7 +359,7 @@ void bind_models(nb::module_ &m) {
         .def(nb::init<const In<double> &, const In<double> &, const In<double> &, const In<double> &, const In<double> &,
                       double, double>())
         .def(nb::init<const In<double> &, const In<double> &, const In<double> &, const In<double> &, const In<double> &,
-                      const In<double> &, double, double, double>())
+                      const In<double> &, const In<double> &, double, double, double>())
         .def(nb::init<const In<double> &, const In<double> &, const In<double> &, const In<double> &, double>())
         .def("eval", &Model::eval, release())
         .def("expected", &Model::expected, release());

@@ -283,16 +283,16 @@ def test_a_wrong_number_of_the_strands_around_is_caught(form: str, to: str, brow
     made, tables = exported(form, to), family_of(form).around  # type: ignore[attr-defined]
     variance = singles(tables.variance, "")[0]
     wrong = {"variance": with_wrong(made, variance, f"{1.2 * float(variance)!r}")}
-    rows = tables.lobes.shape[2]
-    # TT's ln of energy in red light, at the middle rows: of an arrangement's slots the fourth is of two strands.
-    first = ((bool(BEHIND[form]) * 7 + 3) * rows + rows // 2 - 1) * 12
+    rows = tables.energy.shape[2]
+    # TT's ln of energy in red light, at the middle rows: of the slots of counted or random strands the fourth is of two.
+    first = ((bool(BEHIND[form]) * 7 + 3) * rows + rows // 2 - 1) * 6
     texels = np.frombuffer(exported(form, "glsl").data, np.float32).reshape(-1, 4).copy()
     if made.data:
-        texels[[first, first + 12], 1] += 0.1
+        texels[[first, first + 6], 1] += 0.1
         wrong["energy"] = Export(made.text, made.table_bytes, texels.tobytes())
     else:
         wrong["energy"] = made
-        for right in singles(texels[[first, first + 12], 1], ""):
+        for right in singles(texels[[first, first + 6], 1], ""):
             wrong["energy"] = with_wrong(wrong["energy"], right, f"{float(right) + 0.1!r}")
     near = np.argsort(np.abs(cases()[:, 7] - 2) + np.abs(cases()[:, 1]))[:400]  # two strands, the middle rows
     judge_wrong_ones(form, to, wrong, browser, tmp_path, near)

@@ -46,6 +46,14 @@ template <class F, class S, class M> struct Use {
 #ifdef USE_math_logistic
     F logistic() const { return trimmed_logistic(x, y) + trimmed_logistic_inverse(x, y); }
 #endif
+#ifdef USE_math_table_values
+    F table_values() const {
+        using Index = typename ArrayTraits<F>::Index;
+        const ChannelBetween<F> channel{Index(0), z};
+        return between_rows<F>(memory, Index(0), Place<F>{Index(0), x}, 3, 1, channel) +
+               bilinear_value<F>(memory, Index(0), 6, 2, x, y, 1);
+    }
+#endif
 #ifdef USE_simd_pack_math
     F packs() const {  // of lobes
         const Pack<F, 4> a(x), b(y);
@@ -182,6 +190,15 @@ template <class F, class S, class M> struct Use {
     F part() const {
         const ChosenPart<F> chosen = pass_part(none_chosen(F(0)), x, y, 0, 0, z, y);
         return draw_part(chosen, Even{x}, left_of(chosen, x), y, z).theta_i;
+    }
+#endif
+#ifdef USE_scattering_through_table
+    F through_table() const {
+        const ThroughTable<S, M> table{};
+        const auto place = locate(table, x, y, false, true);
+        const ThroughPart<F> part = own_part(through_part<F>(table, place, 1, 2), x, y, z);
+        return part_m(part, x) + part_m(direct_back<F>(table, place, 0), y) + behind_at<F>(memory, place.row, 3, 1).alone +
+               through_turn<F>(table, place, place.row, 1, 2) + direct_back_turn<F>(table, place, place.row, 0);
     }
 #endif
 #ifdef USE_scattering_through_strands

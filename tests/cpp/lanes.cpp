@@ -154,15 +154,20 @@ template <class Float> int compare_model(cuticle::Formulation formulation, std::
         for (const double x : {.6, .1, -.02, .03, .15, .2, .1, .05, .4})
             for (int c = 0; c < channels; ++c) averages.push_back(Float(x) * uniform(.8, 1.2));
     constexpr int slots = 2 * cuticle::through_slots, through_rows = 5, azimuth_rows = 3, turns = 7;
-    std::vector<Float> lobes, azimuth, end;
-    for (int i = 0; i < slots * through_rows; ++i)
-        for (const double x : {-1., .05, 0., .2})  // log energy, bend, axis, variance
-            for (int j = 0; j < cuticle::through_parts * channels; ++j) lobes.push_back(Float(x + .1 * uniform(-1, 1)));
+    std::vector<Float> energy, along, azimuth, end;
+    const auto columns = [&](std::initializer_list<double> middles, std::vector<Float> &table) {
+        for (int i = 0; i < slots * through_rows; ++i)
+            for (const double x : middles)
+                for (int j = 0; j < cuticle::through_parts * channels; ++j) table.push_back(Float(x + .1 * uniform(-1, 1)));
+    };
+    columns({-1., .05}, energy);            // log energy, bend
+    columns({.6, 0., .2, .3, .15}, along);  // share, axis, variance, and the second's
     for (int i = 0; i < slots * azimuth_rows * turns * cuticle::through_parts * channels; ++i)
         azimuth.push_back(uniform(.05, .3));
     for (int i = 0; i < through_rows * 3 * channels; ++i) end.push_back(uniform(.3, .9));
     cuticle::DualScatteringModel<Float> model{};
-    model.through = {lobes.data(), azimuth.data(), end.data(), through_rows, azimuth_rows, turns, channels, Float(1.53)};
+    model.through = {energy.data(), along.data(), azimuth.data(), end.data(), through_rows,
+                     through_rows,  azimuth_rows, turns,          channels,   Float(1.53)};
     model.fibre = {
         {Float(-.1), Float(.05), Float(.15)}, {Float(.15), Float(.08), Float(.3)}, cuticle::longitudinal_of(formulation)};
     model.direct = {direct.data(), rows, columns, channels};

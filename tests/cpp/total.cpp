@@ -100,8 +100,9 @@ template <class Float> void functions(std::size_t count) {
     const auto mean = table<Float>(averages * channels * cuticle::average_columns, .01, .3);
     const auto rest = table<Float>(rows * channels, 0, 1);
     constexpr int parts = 2 * cuticle::through_slots * cuticle::through_parts * channels;
-    const auto lobes = table<Float>(parts * 4 * 5, .1, .5), azimuth = table<Float>(parts * 3 * 7, 0, .3),
-               end = table<Float>(5 * 3 * channels, .1, .9);
+    const auto light = table<Float>(parts * cuticle::energy_columns * 5, .1, .5),
+               along = table<Float>(parts * cuticle::along_columns * 4, .1, .5),
+               azimuth = table<Float>(parts * 3 * 7, 0, .3), end = table<Float>(5 * 3 * channels, .1, .9);
     const cuticle::AzimuthalTable<const Float *> n{direct.get(), rows, columns, channels},
         m{spread.get(), rows, columns, channels};
     const cuticle::AbsorptionRange<Float> range{Float(.1), Float(1.3), 0, channels};
@@ -128,7 +129,7 @@ template <class Float> void functions(std::size_t count) {
                 formulation,
                 Float(.7),
                 Float(.7),
-                {lobes.get(), azimuth.get(), end.get(), 5, 3, 7, channels, Float(1.5)}};
+                {light.get(), along.get(), azimuth.get(), end.get(), 5, 4, 3, 7, channels, Float(1.5)}};
             cuticle::AzimuthalTerms<Float> terms[channels];
             cuticle::dual_scattering_terms(model, ti, tr, around, cuticle::mask_all, terms);
             cuticle::dual_scattering_around(model, terms, ti, tr, phi, around, f);

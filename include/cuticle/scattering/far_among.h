@@ -115,9 +115,7 @@ CUTICLE_HD Sample<Float> among_sample(Azimuthal form, const MeanStrands<Scalar, 
     ChosenPart<Float> chosen = none_chosen(field.direct);
     for (int c = 0; c < Channels; ++c) {
         const ThroughMoments<Float> &through = field.parts[c].through;
-        for (int p = 0; p <= through_parts; ++p)
-            chosen = pass_part(chosen, u_part, Float(field.share[c] * through.energy[p]), p, c, Float(through.axis[p]),
-                               Float(through.variance[p]));
+        for (int p = 0; p <= through_parts; ++p) chosen = pass_mixture(chosen, u_part, field.share[c], through, p, c);
     }
     const Float left = left_of(chosen, u_part);
     const auto direct = u_part < field.direct;

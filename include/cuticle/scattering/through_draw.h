@@ -8,7 +8,7 @@
 
 namespace cuticle {
 
-enum ThroughDrawColumn { draw_energy, draw_axis, draw_variance, draw_columns };
+constexpr int draw_columns = 1 + along_columns;  // the energy, then the M's
 
 template <class Scalar, class Memory = const Scalar *> struct ThroughDraw {
     Memory lobes;    // [row][part][column], theta_r from -limit to limit; the energies are out of the strand's own parts'
@@ -19,7 +19,7 @@ template <class Scalar, class Memory = const Scalar *> struct ThroughDraw {
 
 // The parts for one viewer and strand; their shares sum to 1.
 template <class Float> struct ThroughMixture {
-    Float share[through_parts], axis[through_parts], variance[through_parts];
+    ThroughMoments<Float> parts;  // without direct light's backscatter
     Place<Float> azimuth_row;
 };
 
@@ -29,22 +29,22 @@ CUTICLE_HD ThroughMixture<Float> through_mixture(const ThroughDraw<Scalar, Memor
                                                  const OwnParts<Float> &own) {
     using Index = typename ArrayTraits<Float>::Index;
     const Place<Float> row = locate_viewer(theta_r, table.rows, Float(table.limit));
-    const auto value = [&](int part, int column) {
-        return between_rows<Float>(table.lobes, Index(0), row, through_parts * draw_columns, part * draw_columns + column,
-                                   0);
+    const auto value = [&](int column) {
+        return between_rows<Float>(table.lobes, Index(0), row, through_parts * draw_columns, column, 0);
     };
     ThroughMixture<Float> mix;
     mix.azimuth_row = locate_viewer(theta_r, table.azimuth_rows, Float(table.limit));
     Float total = Float(0);
     for (int p = 0; p < through_parts; ++p) {
-        ThroughPart<Float> part = {value(p, draw_energy), value(p, draw_axis), value(p, draw_variance)};
+        const int first = p * draw_columns;
+        ThroughPart<Float> part = {value(first),     value(first + 1), value(first + 2),
+                                   value(first + 3), value(first + 4), value(first + 5)};
         if (p < lobe_count) part = own_part(part, own.energy[p], own.tilt[p], own.variance[p]);
-        mix.share[p] = part.energy;
-        mix.axis[p] = part.axis;
-        mix.variance[p] = part.variance;
+        mix.parts.set(p, part);
         total = total + part.energy;
     }
-    for (int p = 0; p < through_parts; ++p) mix.share[p] = mix.share[p] / total;
+    for (int p = 0; p < through_parts; ++p) mix.parts.energy[p] = mix.parts.energy[p] / total;
+    mix.parts.energy[through_parts] = Float(0);
     return mix;
 }
 
@@ -55,17 +55,12 @@ CUTICLE_HD Float through_pdf(const ThroughDraw<Scalar, Memory> &table, const Thr
     using Index = typename ArrayTraits<Float>::Index;
     const Place<Float> column = locate_azimuth(phi, table.nodes);
     const int row = through_parts * table.nodes * 2;
-    Several<Float, through_parts> axis(0), variance(1);
-    for (int p = 0; p < through_parts; ++p) {
-        axis.set(p, mix.axis[p]);
-        variance.set(p, mix.variance[p]);
-    }
-    const auto along = energy_conserving_m(Several<Float, through_parts>(theta_i), axis, variance);
+    const auto along = part_m(mix.parts.along, typename ThroughMoments<Float>::Parts(theta_i));
     Float sum = Float(0);
     for (int p = 0; p < through_parts; ++p) {
         const Index i = mix.azimuth_row.node * Index(row) + column.node * Index(2) + Index(p * table.nodes * 2);
         const Float around = bilinear_value<Float>(table.azimuth, i, row, 2, mix.azimuth_row.t, column.t, 0);
-        sum = sum + mix.share[p] * along[p] * around;
+        sum = sum + mix.parts.energy[p] * along[p] * around;
     }
     return sum;
 }
@@ -77,8 +72,7 @@ CUTICLE_HD Sample<Float> through_sample(const ThroughDraw<Scalar, Memory> &table
                                         const Float &u_part, const Float &u_theta, const Float &u_phi) {
     using Index = typename ArrayTraits<Float>::Index;
     ChosenPart<Float> chosen = none_chosen(Float(0));
-    for (int p = 0; p < through_parts; ++p)
-        chosen = pass_part(chosen, u_part, mix.share[p], p, 0, mix.axis[p], mix.variance[p]);
+    for (int p = 0; p < through_parts; ++p) chosen = pass_mixture(chosen, u_part, Float(1), mix.parts, p, 0);
     const Float left = left_of(chosen, u_part);
     const Float theta_i = about_axis(chosen.axis, chosen.variance, u_theta, Float(Float(2 * pi<double>) * left));
 

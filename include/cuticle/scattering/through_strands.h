@@ -1,142 +1,39 @@
-// What comes to a strand through others, and from those behind it: tables of what transport operators over directions give
-// (strand_transport.py), for strands in sheets, one after another, and for a number of them that is random.
-//
-// Four parts are told apart: R, TT and TRT of the strand itself, and what the strands behind it send back. Each is its
-// energy, times a density of azimuth, times the energy-conserving M of the same mean and mean square of sin theta_i.
+// What comes to a strand through others, and from those behind it, part by part: sums that are evaluated, and what they are
+// drawn from. through_table.h says what the parts are.
 #ifndef CUTICLE_SCATTERING_THROUGH_STRANDS_H
 #define CUTICLE_SCATTERING_THROUGH_STRANDS_H
 
-#include "cuticle/scattering/azimuthal.h"
-#include "cuticle/scattering/longitudinal.h"
 #include "cuticle/scattering/part_draw.h"
+#include "cuticle/scattering/through_table.h"
 #include "cuticle/simd/several.h"
 
 namespace cuticle {
-
-constexpr int through_parts = lobe_count + 1;
-// First what the strands behind send back of direct light, then all parts for 0 (sheets: 1), 1, 2, 4, 8 and 16 strands.
-constexpr int through_slots = 7;
-constexpr int through_columns = 4;  // ln of the energy, its bend (through_energy), the M's axis and its variance
-
-// Each table stands twice: for strands that are counted, in sheets, then for a Poisson number of them (`random`).
-template <class Scalar, class Memory = const Scalar *> struct ThroughTable {
-    Memory lobes;    // [random][slot][row][column][part][channel], theta_r from -limit to limit
-    Memory azimuth;  // [random][slot][azimuth row][column][part][channel], the same theta_r; phi from 0 to pi
-    Memory behind;   // [row][Behind][channel], once
-    int rows, azimuth_rows, columns, channels;
-    Scalar limit;
-    int parts = through_parts;  // 1 where what memory holds at an index is all parts
-};
-
-// Among 0, 1, 2, 4, 8 and 16 strands: the node below, the fraction toward the next, and how far past the last.
-template <class Float> struct StrandsPlace {
-    typename ArrayTraits<Float>::Index node;
-    Float t, past;
-};
-template <class Float> CUTICLE_INLINE StrandsPlace<Float> locate_strands(const Float &strands) {
-    const auto one = strands < Float(1), two = strands < Float(2), four = strands < Float(4), eight = strands < Float(8);
-    const Float low =
-        select(one, Float(0),
-               Float(select(two, Float(1), Float(select(four, Float(2), Float(select(eight, Float(4), Float(8))))))));
-    const Float node =
-        select(one, Float(0),
-               Float(select(two, Float(1), Float(select(four, Float(2), Float(select(eight, Float(3), Float(4))))))));
-    const Float t = (strands - low) / math::max(low, Float(1));
-    return {ArrayTraits<Float>::to_index(node), math::clamp(t, Float(0), Float(1)),
-            math::max(Float(t - Float(1)), Float(0))};
-}
-
-// Among inclinations from -limit to limit.
-template <class Float> CUTICLE_INLINE Place<Float> locate_viewer(const Float &theta, int rows, const Float &limit) {
-    return locate_node(Float((theta / limit + Float(1)) * Float(.5) * Float(rows - 1)), rows);
-}
-
-// A part's energy, from its logs at two numbers of strands and how far it lies above their mean halfway; past the last it
-// falls as it does there.
-template <class Value, class Float>
-CUTICLE_INLINE Value through_energy(const Value &lower, const Value &upper, const Value &bend,
-                                    const StrandsPlace<Float> &at) {
-    const Float bow = Float(4) * at.t * (Float(1) - at.t);
-    const Value slope = math::min(Value(upper - lower - Value(Float(4)) * bend), Value(0));
-    return math::exp(Value(math::linear(lower, upper, at.t) + bend * bow + slope * at.past));
-}
-
-// Where a viewer and a number of strands fall in the tables.
-template <class Float> struct ThroughPlace {
-    StrandsPlace<Float> strands;
-    Place<Float> row, azimuth_row;
-    bool random;
-    bool scattered;  // whether any light met other strands: else no part is looked up
-};
-template <class Float, class Scalar, class Memory>
-CUTICLE_INLINE ThroughPlace<Float> locate(const ThroughTable<Scalar, Memory> &table, const Float &theta_r,
-                                          const Float &strands, bool random, bool scattered) {
-    const Float limit = Float(table.limit);
-    return {locate_strands(strands), locate_viewer(theta_r, table.rows, limit),
-            locate_viewer(theta_r, table.azimuth_rows, limit), random, scattered};
-}
-
-// A part's energy and its M.
-template <class Value> struct ThroughPart {
-    Value energy, axis, variance;
-};
-template <class Value, class Float, class Scalar, class Memory, class Channel>
-CUTICLE_INLINE ThroughPart<Value> through_part(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at,
-                                               int part, const Channel &channel) {
-    using Index = typename ArrayTraits<Float>::Index;
-    const int column = table.parts * table.channels, size = through_columns * column, slot = table.rows * size;
-    const int energy = part * table.channels, bend = energy + column, axis = bend + column, variance = axis + column;
-    const Index lower = Index(at.random ? through_slots * slot : 0) + (at.strands.node + Index(1)) * Index(slot);
-    const Index upper = lower + Index(slot);
-    return {through_energy(between_rows<Value>(table.lobes, lower, at.row, size, energy, channel),
-                           between_rows<Value>(table.lobes, upper, at.row, size, energy, channel),
-                           between_rows<Value>(table.lobes, lower, at.row, size, bend, channel), at.strands),
-            math::linear(between_rows<Value>(table.lobes, lower, at.row, size, axis, channel),
-                         between_rows<Value>(table.lobes, upper, at.row, size, axis, channel), at.strands.t),
-            math::linear(between_rows<Value>(table.lobes, lower, at.row, size, variance, channel),
-                         between_rows<Value>(table.lobes, upper, at.row, size, variance, channel), at.strands.t)};
-}
-// What comes back of direct light: the last part.
-template <class Value, class Float, class Scalar, class Memory, class Channel>
-CUTICLE_INLINE ThroughPart<Value> direct_back(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at,
-                                              const Channel &channel) {
-    using Index = typename ArrayTraits<Float>::Index;
-    const int column = table.parts * table.channels, size = through_columns * column, last = column - table.channels;
-    const Index first = Index(at.random ? through_slots * table.rows * size : 0);
-    return {math::exp(between_rows<Value>(table.lobes, first, at.row, size, last, channel)),
-            between_rows<Value>(table.lobes, first, at.row, size, 2 * column + last, channel),
-            between_rows<Value>(table.lobes, first, at.row, size, 3 * column + last, channel)};
-}
 
 // How a strand differs from the others, for which the tables were made: its parts' energies are those times `energy`, and
 // its own M lies `tilt` further and is wider by `variance` (radians, theta).
 template <class Float> struct OwnParts {
     Float energy[lobe_count], tilt[lobe_count], variance[lobe_count];
 };
-template <class Value>
-CUTICLE_INLINE ThroughPart<Value> own_part(const ThroughPart<Value> &others, const Value &energy, const Value &tilt,
-                                           const Value &variance) {
-    return {others.energy * energy, others.axis + tilt,
-            math::max(Value(others.variance + variance), Value(scalar_t<Value>(1e-4)))};
-}
-
-// The energies of all parts, then that of direct light's backscatter, and the M of each.
+// All parts, then direct light's backscatter.
 template <class Float> struct ThroughMoments {
+    using Parts = Several<Float, through_parts + 1>;
     Float energy[through_parts + 1];
-    Several<Float, through_parts + 1> axis, variance;
+    ThroughPart<Parts> along{Parts(0), Parts(1), Parts(0), Parts(1), Parts(0), Parts(1)};  // without energies
 
     CUTICLE_INLINE void set(int i, const ThroughPart<Float> &part) {
         energy[i] = part.energy;
-        axis.set(i, part.axis);
-        variance.set(i, part.variance);
+        along.share.set(i, part.share);
+        along.axis.set(i, part.axis);
+        along.variance.set(i, part.variance);
+        along.second_axis.set(i, part.second_axis);
+        along.second_variance.set(i, part.second_variance);
     }
 };
 template <class Float, class Scalar, class Memory, class Channel>
 CUTICLE_INLINE ThroughMoments<Float> through_moments(const ThroughTable<Scalar, Memory> &table,
                                                      const ThroughPlace<Float> &at, const Channel &channel,
                                                      const OwnParts<Float> *own = nullptr) {
-    using Parts = Several<Float, through_parts + 1>;
-    ThroughMoments<Float> moments{{}, Parts(0), Parts(1)};
+    ThroughMoments<Float> moments;
     for (int p = 0; p < through_parts; ++p) {
         moments.energy[p] = Float(0);
         if (!at.scattered) continue;
@@ -148,54 +45,22 @@ CUTICLE_INLINE ThroughMoments<Float> through_moments(const ThroughTable<Scalar, 
     return moments;
 }
 
+// Passes both M's of a part, by their shares in `share` times its energy.
+template <class Float>
+CUTICLE_INLINE ChosenPart<Float> pass_mixture(const ChosenPart<Float> &by, const Float &u, const Float &share,
+                                              const ThroughMoments<Float> &parts, int p, int channel) {
+    const auto &m = parts.along;
+    const Float both = share * parts.energy[p], first = both * Float(m.share[p]);
+    return pass_part(pass_part(by, u, first, p, channel, Float(m.axis[p]), Float(m.variance[p])), u, Float(both - first), p,
+                     channel, Float(m.second_axis[p]), Float(m.second_variance[p]));
+}
+
 // M over cos theta_i times the energies: lobes[through_parts + 1].
 template <class Float>
 CUTICLE_INLINE void through_lobes(const ThroughMoments<Float> &parts, const Float &theta_i, Float *lobes) {
-    const auto m = energy_conserving_m(Several<Float, through_parts + 1>(theta_i), parts.axis, parts.variance);
+    const auto m = part_m(parts.along, typename ThroughMoments<Float>::Parts(theta_i));
     const Float secant = Float(1) / math::cos_theta(theta_i);
     for (int p = 0; p <= through_parts; ++p) lobes[p] = parts.energy[p] * m[p] * secant;
-}
-
-// What an end of the strands behind changes: the rates at which the backscatter of direct and of scattered light grows with
-// them, and what comes through other strands where none stands behind, out of what does before a half space.
-template <class Float> struct Behind {
-    Float direct, scattered, alone;
-};
-template <class Value, class Float, class Memory, class Channel>
-CUTICLE_HD Behind<Value> behind_at(const Memory &behind, const Place<Float> &row, int channels, const Channel &channel) {
-    using Index = typename ArrayTraits<Float>::Index;
-    const Index first = Index(0);
-    const int size = 3 * channels;
-    return {between_rows<Value>(behind, first, row, size, 0, channel),
-            between_rows<Value>(behind, first, row, size, channels, channel),
-            between_rows<Value>(behind, first, row, size, 2 * channels, channel)};
-}
-
-// A part's density of phi in the slot that begins at `first`; column: that of phi.
-template <class Value, class Float, class Scalar, class Memory, class Index, class Channel>
-CUTICLE_INLINE Value turn_value(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at, const Index &first,
-                                const Place<Float> &column, int part, const Channel &channel) {
-    const int size = table.parts * table.channels, row = table.columns * size;
-    const Index lower = first + at.azimuth_row.node * Index(row) + column.node * Index(size) + Index(part * table.channels);
-    return bilinear_value<Value>(table.azimuth, lower, row, size, at.azimuth_row.t, column.t, channel);
-}
-// The density of phi that a part is multiplied by, and that of direct light's backscatter.
-template <class Value, class Float, class Scalar, class Memory, class Channel>
-CUTICLE_INLINE Value through_turn(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at,
-                                  const Place<Float> &column, int part, const Channel &channel) {
-    using Index = typename ArrayTraits<Float>::Index;
-    const int slot = table.azimuth_rows * table.columns * table.parts * table.channels;
-    const Index lower = Index(at.random ? through_slots * slot : 0) + (at.strands.node + Index(1)) * Index(slot);
-    return math::convex(turn_value<Value>(table, at, lower, column, part, channel),
-                        turn_value<Value>(table, at, Index(lower + Index(slot)), column, part, channel), at.strands.t);
-}
-template <class Value, class Float, class Scalar, class Memory, class Channel>
-CUTICLE_INLINE Value direct_back_turn(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at,
-                                      const Place<Float> &column, const Channel &channel) {
-    using Index = typename ArrayTraits<Float>::Index;
-    const int slot = table.azimuth_rows * table.columns * table.parts * table.channels;
-    const Index first = Index(at.random ? through_slots * slot : 0);
-    return turn_value<Value>(table, at, first, column, table.parts - 1, channel);
 }
 
 // The densities of phi that the lobes are multiplied by: values[through_parts + 1].

@@ -174,7 +174,7 @@ def model_texels(tables: Tables) -> NDArray[np.float32]:
         if tables.spread is not None:
             parts.append(tables.spread)
         if tables.through is not None:
-            parts += [x.astype(np.float32) for x in tables.through[:3]]
+            parts += [x.astype(np.float32) for x in tables.through[:4]]
         if tables.averages is not None:
             parts.append(tables.averages)
         if tables.rest is not None:
@@ -220,9 +220,8 @@ def _counts(strands: ArrayLike) -> list[float]:
 
 def through_table(tables: ThroughTables | MeanStrands, first: int, texel: int, channels: int) -> str:
     """Return a ThroughTable over texels from the first on, each of so many values: all channels, or all parts of one."""
-    lobes, azimuth = tables.lobes, tables.azimuth
-    second = first + lobes.size // texel
-    third = second + azimuth.size // texel
-    parts = lobes.shape[4] * lobes.shape[5] // (texel * channels)
-    sizes = f"{lobes.shape[2]}, {azimuth.shape[2]}, {azimuth.shape[3]}, {channels}"
-    return f"{{{first}, {second}, {third}, {sizes}, {single(tables.limit)}, {parts}}}"
+    read = (tables.energy, tables.along, tables.azimuth)
+    begins = np.cumsum([first, *(t.size // texel for t in read)]).tolist()
+    sizes = [*(t.shape[2] for t in read), tables.azimuth.shape[3], channels]
+    parts = tables.energy.shape[4] * tables.energy.shape[5] // (texel * channels)
+    return f"{{{', '.join(map(str, begins + sizes))}, {single(tables.limit)}, {parts}}}"

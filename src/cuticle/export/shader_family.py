@@ -59,12 +59,12 @@ def family_shader(job: FamilyJob, dialect: Dialect) -> Export:
 def among_texels(around: MeanStrands) -> NDArray[np.float32]:
     """Return the tables of the strands around as rows of texels, shape (height, width, 4).
 
-    A texel of the first two holds the four parts of one channel; of the last, all channels.
+    A texel of all but the last holds the four parts of one channel; of the last, all channels.
     """
-    lobes, azimuth, behind = around[:3]
+    *of_parts, behind = around[:4]
     ends = np.zeros((behind.shape[0] * behind.shape[1], 4))
     ends[:, : behind.shape[2]] = behind.reshape(-1, behind.shape[2])
-    parts = (lobes.swapaxes(-1, -2), azimuth.swapaxes(-1, -2), ends)
+    parts = (*(t.swapaxes(-1, -2) for t in of_parts), ends)
     return texture_rows(np.concatenate([p.reshape(-1, 4) for p in parts]))
 
 

@@ -143,14 +143,15 @@ def fit(
     quality = []
     for i, n in enumerate(counts):
         report("measuring", 0.8 + 0.2 * i / len(counts))
-        quality.append([measure(sampler, with_strands(n), float(t), n) for t in MEASURED_AT])
+        quality.append([measure(sampler, with_strands(n), float(t), n, error=False) for t in MEASURED_AT])
     # The fit's own grids are coarse: places where they find a low ESS are measured again.
     measured = [
         Worst(q.ess, float(t), n)
         for n, row in zip(counts, quality, strict=True)
         for q, t in zip(row, MEASURED_AT, strict=True)
     ]
-    worst = min(*measured, *(Worst(measure(sampler, with_strands(n), t, n).ess, t, n) for n, t in found.doubtful))
+    again = [Worst(measure(sampler, with_strands(n), t, n, error=False).ess, t, n) for n, t in found.doubtful]
+    worst = min(*measured, *again)
     report("done", 1.0)
     return Fit(
         sampler=sampler,

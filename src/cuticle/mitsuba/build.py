@@ -123,8 +123,9 @@ def _fibre_tables(props: Any, fibre: Fibre | Chiang, ranged: bool) -> None:
         props["transmittance"], props["transmittance_limit"] = tensor(passed), limit
         if tables.model.formulation == "exact":
             through = through_tables(tables.model.fibre)
-            props["through_lobes"], props["through_azimuth"] = tensor(through.lobes), tensor(through.azimuth)
-            props["through_behind"], props["through_limit"] = tensor(through.behind), through.limit
+            for name in ("energy", "along", "azimuth", "behind"):
+                props[f"through_{name}"] = tensor(getattr(through, name))
+            props["through_limit"] = through.limit
         else:
             props["spread"] = tensor(tables.model.single.tables.spread)
             props["averages"] = tensor(tables.model.average_table)

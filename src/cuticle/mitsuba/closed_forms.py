@@ -20,7 +20,14 @@ from cuticle.scattering.bcsdf import luminance_weights
 from cuticle.scattering.chiang import RANGES, Chiang
 from cuticle.scattering.fibre import Fibre
 from cuticle.scattering.mean_strands import mean_strands
-from cuticle.scattering.through_strands import AZIMUTH_ROWS, COUNTED_2, own_energies, passed_through, through_tables
+from cuticle.scattering.through_strands import (
+    ALONG_ROWS,
+    AZIMUTH_ROWS,
+    COUNTED_2,
+    own_energies,
+    passed_through,
+    through_tables,
+)
 
 Array = NDArray[np.float64]
 
@@ -111,7 +118,8 @@ def _tables(props: Any, fibre: Fibre | Chiang, scale: Any, tables: Any) -> None:
     passed, limit = passed_through(mean)
     draw = draw_tables(mean, props["number_d_b"])
     for name, table in (
-        ("through_lobes", around.lobes), ("through_azimuth", around.azimuth), ("through_behind", around.behind),
+        ("through_energy", around.energy), ("through_along", around.along), ("through_azimuth", around.azimuth),
+        ("through_behind", around.behind),
         ("draw_lobes", draw.lobes), ("draw_azimuth", draw.azimuth), ("transmittance", passed),
     ):  # fmt: skip
         props[name] = tensor(table)
@@ -124,7 +132,8 @@ def _tables(props: Any, fibre: Fibre | Chiang, scale: Any, tables: Any) -> None:
 class DrawTables(NamedTuple):
     """What the core's ThroughDraw views (through_draw.h).
 
-    - `lobes`, (rows, parts, 3): energy by luminance, of the strand's own parts out of their own; axis and variance of M.
+    - `lobes`, (along rows, parts, 6): energy by luminance, of the strand's own parts out of their own; two M's, as in
+      `ThroughTables.along`.
     - `azimuth`, (azimuth rows, parts, columns, 2): density of phi from 0 to pi, and its integral.
     """
 
@@ -137,21 +146,29 @@ def draw_tables(fibre: Fibre | Chiang, d_b: float) -> DrawTables:
     """Return the tables by which directions are drawn among strands: of light through 2 of them, in all colours."""
     through, own = through_tables(fibre), own_energies(fibre)
     weights = luminance_weights(fibre.channels)
-    log_energy, _, axis, variance = np.moveaxis(through.lobes[0, COUNTED_2], 1, 0)  # (rows, parts, channels) each
-    energy = np.exp(log_energy) * weights
+    energy = np.exp(through.energy[0, COUNTED_2, ::ALONG_ROWS, 0]) * weights  # (along rows, parts, channels)
     energy[:, -1] *= d_b
     total = energy.sum(axis=2)
     # Without d_b nothing comes back: any density will do.
     share = np.where(total[..., None] > 0, energy / np.maximum(total, 1e-100)[..., None], weights)
-    mean = (share * axis).sum(axis=2)
-    spread = (share * (variance + axis**2)).sum(axis=2) - mean**2
-    apart = np.append(own @ weights, np.ones((len(own), 1)), axis=1)
-    lobes = np.stack([total / apart, mean, spread], axis=2)
+    apart = np.append(own[::ALONG_ROWS] @ weights, np.ones((len(total), 1)), axis=1)
+    lobes = np.concatenate([(total / apart)[..., None], _over_colours(share, through.along[0, COUNTED_2])], axis=2)
 
-    density = (through.azimuth[0, COUNTED_2] * share[::AZIMUTH_ROWS][:, None]).sum(axis=3).transpose(0, 2, 1)
+    density = (through.azimuth[0, COUNTED_2] * share[:: AZIMUTH_ROWS // ALONG_ROWS][:, None]).sum(axis=3).transpose(0, 2, 1)
     step = np.pi / (density.shape[2] - 1)
     integral = np.append(
         np.zeros((*density.shape[:2], 1)), np.cumsum(0.5 * step * (density[..., 1:] + density[..., :-1]), axis=2), axis=2
     )
     whole = 2 * integral[..., -1:]
     return DrawTables(lobes, np.stack([density / whole, integral / whole], axis=3))
+
+
+def _over_colours(share: Array, along: Array) -> Array:
+    """Two M's for all channels, (rows, parts, 5), from those of each: shares of light, and (rows, 5, parts, channels)."""
+    first, *of_both = np.moveaxis(along, 1, 0)
+    out = [(share * first).sum(axis=2)]
+    for axis, variance, weight in ((*of_both[:2], share * first), (*of_both[2:], share * (1 - first))):
+        weight = weight / np.maximum(weight.sum(axis=2, keepdims=True), 1e-100)
+        mean = (weight * axis).sum(axis=2)
+        out += [mean, (weight * (variance + (axis - mean[..., None]) ** 2)).sum(axis=2)]
+    return np.stack(out, axis=2)

@@ -84,7 +84,8 @@ def with_strands(model: Any, strands: float) -> Any:
 
 def evaluate(model: Bcsdf, theta_i: NDArray, theta_r: float, phi: NDArray) -> NDArray[np.float64]:
     """Return f·cos(theta_i) on the product of two axes, shape (A, B, channels); raise ValueError for NaN or f < 0."""
-    f = validate.real("what model.eval returns", model.eval(theta_i[:, None], theta_r, phi[None, :])).astype(np.float64)
+    f = validate.real("what model.eval returns", model.eval(theta_i[:, None], theta_r, phi[None, :]))
+    f = np.asarray(f, np.float64)
     shape = (len(theta_i), len(phi))
     if f.ndim != 3 or f.shape[:2] != shape:
         raise ValueError(

@@ -79,7 +79,7 @@ class FamilyAmong(Family):
     @property
     def channels(self) -> int:
         """Number of channels of f."""
-        return self.around.lobes.shape[-1]
+        return self.around.energy.shape[-1]
 
     @cached_property
     def around(self) -> MeanStrands:
@@ -95,10 +95,8 @@ class FamilyAmong(Family):
         return self._made(_core.AmongFloat, np.float32)
 
     def _made(self, of: Any, dtype: Any) -> Any:
-        lobes, azimuth, behind, limit, tilt, variance = self.around
-        tables = (np.ascontiguousarray(x, dtype) for x in (lobes, azimuth, behind, tilt, variance))
-        lobes, azimuth, behind, tilt, variance = tables
-        return of(lobes, azimuth, behind, limit, tilt, variance, self.d_f, self.d_b)
+        given = (x if isinstance(x, float) else np.ascontiguousarray(x, dtype) for x in self.around)
+        return of(*given, self.d_f, self.d_b)
 
     def sampler_at(self, fibre: Any = None, **values: Any) -> FibreSampler:
         """Return the function and sampler of one fibre, through `strands` of them, for `cuticle.audit`, `measure`, `fit`."""

@@ -14,16 +14,20 @@ from cuticle import _core
 class ThroughTables(NamedTuple):
     """What the core's ThroughTable views (through_strands.h).
 
-    - `lobes`, (arrangements, slots, rows, 4, parts, channels): log energy, how far it lies halfway to the next slot above
-      the mean of both, axis and variance of M in theta, radians. Rows are theta_r from -limit to limit.
-    - `azimuth`, (arrangements, slots, azimuth rows, columns, parts, channels): densities over phi from 0 to pi, which
-      integrate to 1 over the whole turn.
+    - `energy`, (2, slots, rows, 2, parts, channels): its log, and how far that lies halfway to the next slot above the mean
+      of both. Rows are theta_r from -limit to limit; the first of the 2 are of strands in sheets, the others of a Poisson
+      number of them.
+    - `along`, (2, slots, along rows, 5, parts, channels): of two M's the share of the first, its axis and variance,
+      and those of the second, in theta, radians.
+    - `azimuth`, (2, slots, azimuth rows, columns, parts, channels): densities over phi from 0 to pi, which integrate to 1
+      over the whole turn.
     - `behind`, (rows, 3, channels): the rates at which the backscatter of direct and of scattered light grows with the
       strands behind, out of a half space's; and what comes through strands where none stands behind, out of what does
       before a half space.
     """
 
-    lobes: NDArray[np.float64]
+    energy: NDArray[np.float64]
+    along: NDArray[np.float64]
     azimuth: NDArray[np.float64]
     behind: NDArray[np.float64]
     limit: float
@@ -90,7 +94,7 @@ class FibreTables:
     @property
     def size(self) -> int:
         """Bytes in single precision."""
-        through = () if self.through is None else self.through[:3]
+        through = () if self.through is None else self.through[:4]
         return sum(4 * t.size for t in (self.direct, self.spread, self.averages, self.rest, *through) if t is not None)
 
     def thinned(self, row_step: int, column_step: int) -> FibreTables:

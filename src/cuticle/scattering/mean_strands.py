@@ -17,12 +17,13 @@ Array = NDArray[np.float64]
 class MeanStrands(NamedTuple):
     """What the core's MeanStrands views (far_among.h).
 
-    `lobes`, `azimuth`, `behind` and `limit` are those of `ThroughTables`, but that energies of R, TT and TRT are out of the
+    `energy` to `limit` are those of `ThroughTables`, but that energies of R, TT and TRT are out of the
     mean fibre's own: those of the strand that is met multiply them. `tilt` and `variance`, shape (3,): of its M in theta,
     radians.
     """
 
-    lobes: Array
+    energy: Array
+    along: Array
     azimuth: Array
     behind: Array
     limit: float
@@ -44,7 +45,7 @@ def mean_strands(fibre: Fibre | Chiang) -> MeanStrands:
             " absorbed leaves scattering among them without a sum"
         )
     through = through_tables(fibre)
-    lobes = through.lobes.copy()
-    lobes[:, 1:, :, 0, :3] -= np.log(own_energies(fibre))
+    energy = through.energy.copy()
+    energy[:, 1:, :, 0, :3] -= np.log(own_energies(fibre))
     alpha, beta = fibre.half_angle_lobes if isinstance(fibre, Chiang) else (fibre.alpha, fibre.beta)
-    return MeanStrands(lobes, through.azimuth, through.behind, through.limit, 2 * alpha, 4 * beta**2)
+    return MeanStrands(energy, *through[1:], 2 * alpha, 4 * beta**2)

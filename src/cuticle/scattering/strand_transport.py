@@ -21,6 +21,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -172,18 +173,15 @@ def _doubled(on: Array, back: Array) -> tuple[Array, Array]:
     return on @ between, back + on @ (back @ between)
 
 
-def _half_space(on: Array, back: Array, passed: int = 0) -> tuple[Array, list[Array]]:
-    """R of endless layers, and T of 1, 2, 4, ... of them, up to so many doublings."""
-    kept = [on]
-    for k in range(_DOUBLINGS):
+def _half_space(on: Array, back: Array) -> Array:
+    """R of endless layers."""
+    for _ in range(_DOUBLINGS):
         on, more = _doubled(on, back)
         settled = np.abs(more - back).sum(axis=1).max() < _SETTLED
         back = more
-        if k < passed:
-            kept.append(on)
-        elif settled:
+        if settled:
             break
-    return back, kept
+    return back
 
 
 def _thin(on: Array, back: Array, slant: Array) -> tuple[Array, Array]:
@@ -213,14 +211,9 @@ class StrandTransport:
         self._back = self._all.operator(self.directions.half_turn)
 
     @cached_property
-    def _layers(self) -> tuple[Array, list[Array]]:
-        """R of the half space of sheets, and T of 1, 2, 4, ... of them."""
-        return _half_space(self._on, self._back, PASSED)
-
-    @cached_property
     def _sheets(self) -> tuple[Array, Array]:
         """R of the half space, and S."""
-        below = self._layers[0]
+        below = _half_space(self._on, self._back)
         return below, np.asarray(np.linalg.solve(np.eye(len(below)) - self._back @ below, self._on), np.float64)
 
     @cached_property
@@ -228,7 +221,7 @@ class StrandTransport:
         """R of the half space, and G."""
         d = self.directions
         slant = np.repeat(np.concatenate([[1.0], 1 / np.cos((d.cells + 0.5) * d.step)]), d.rows)[:, None]
-        below = _half_space(*_thin(self._on, self._back, slant))[0]
+        below = _half_space(*_thin(self._on, self._back, slant))
         return below, slant * (np.eye(len(below)) - self._on - self._back @ below)
 
     def _beam(self, functions: Array) -> Array:
@@ -268,15 +261,19 @@ class StrandTransport:
             below, sheet = self._sheets
             loss = np.eye(len(sheet)) - sheet
         one = np.eye(len(loss))
-        step = np.linalg.solve(one + 0.5 * _STEP * loss, one - 0.5 * _STEP * loss)
-        at, scattered, arrived = self._beam(functions), [], []
-        steps = [round(x / _STEP) for x in depths]
-        for n in range(steps[-1] + 1):
-            if n in steps:
-                arrived.append(at)
-                scattered.append(at.copy())
-                scattered[-1][: self.directions.rows] = 0
-            at = step @ at
+        powers: dict[int, NDArray[Any]] = {0: one, 1: np.linalg.solve(one + 0.5 * _STEP * loss, one - 0.5 * _STEP * loss)}
+
+        def power(n: int) -> NDArray[Any]:
+            if n not in powers:
+                powers[n] = power(n // 2) @ power(n - n // 2)
+            return powers[n]
+
+        at, done, scattered, arrived = self._beam(functions), 0, [], []
+        for n in (round(x / _STEP) for x in depths):
+            at, done = power(n - done) @ at, n
+            arrived.append(at)
+            scattered.append(at.copy())
+            scattered[-1][: self.directions.rows] = 0
         return self._seen(scattered, (below if medium else below @ sheet) @ np.hstack(arrived))
 
     def passed(self) -> Array:
@@ -287,8 +284,11 @@ class StrandTransport:
         """
         d = self.directions
         about = slice(1, 2) if d.even else slice(d.columns, d.columns + 2)
-        into = [on[:, d.rows :].sum(axis=1).reshape(-1, d.rows) for on in self._layers[1]]
-        return np.array([x[about].mean(axis=0) for x in into])
+        on, back, into = self._on, self._back, []
+        for k in range(PASSED + 1):
+            on, back = _doubled(on, back) if k else (on, back)
+            into.append(on[:, d.rows :].sum(axis=1).reshape(-1, d.rows)[about].mean(axis=0))
+        return np.array(into)
 
     def one_behind(self) -> Array:
         """Return what changes where sheets have an end, shape (3, rows).

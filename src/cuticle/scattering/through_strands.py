@@ -16,11 +16,13 @@ from cuticle.scattering.chiang import Chiang
 from cuticle.scattering.fibre import Fibre
 from cuticle.scattering.fibre_tables import ThroughTables
 from cuticle.scattering.strand_transport import PASSED, Directions, Scattering, StrandTransport, azimuth_cells
+from cuticle.scattering.two_lobes import labelled, two_lobes
 
 Array = NDArray[np.float64]
 # The core's nodes, 0, 1, 2, 4, 8 and 16 strands, and halfway between them.
 _COUNTS = (0, 1, 2, 3, 4, 6, 8, 12, 16)
 _DEPTHS = (0, 1 / 16, 1 / 8, 1 / 2, 1, 3 / 2, 2, 3, 4, 6, 8, 12, 16)
+ALONG_ROWS = 2  # rows of the transport for one of the table of M's
 AZIMUTH_ROWS = 4  # rows of the transport for one of the azimuth table
 COUNTED_2 = 3  # of the slots for sheets, that of 2 of them
 _DARKEST = -230.0  # ln of the least energy that keeps its shape
@@ -38,9 +40,7 @@ def through_tables(fibre: Fibre | Chiang, *, medium: bool = False) -> ThroughTab
 
 def passed_through(fibre: Fibre | Chiang) -> tuple[Array, float]:
     """Return `transmittance_table` of a fibre, one column an absorption, and the largest inclination of its rows."""
-    tables = _tables(_plain(fibre), False)
-    passed = _between(tables.solved, transmittance_table(tables.passed), np.array(fibre.absorption))
-    return passed, tables.through.limit
+    return _passed(_plain(fibre)), float(Directions().theta[-1])
 
 
 def own_energies(fibre: Fibre | Chiang) -> Array:
@@ -52,12 +52,8 @@ def own_energies(fibre: Fibre | Chiang) -> Array:
 
 
 class _Tables(NamedTuple):
-    """`passed` is `StrandTransport`'s, a last axis the absorptions `solved`."""
-
     through: ThroughTables
     log_own: Array
-    solved: Array
-    passed: Array
 
 
 def _plain(fibre: Fibre | Chiang) -> Fibre | Chiang:
@@ -72,11 +68,21 @@ def _tables(fibre: Fibre | Chiang, medium: bool) -> _Tables:
     absorption = np.array(fibre.absorption)
     solved = _solved(absorption)
     columns = [_column(fibre, int(np.argmax(absorption == a)), medium) for a in solved]
-    *tables, passed = (np.stack(x, axis=-1) for x in zip(*columns, strict=True))
-    lobes, azimuth, behind, log_own = (_between(solved, table, absorption) for table in tables)
-    for table in (lobes, azimuth, behind, log_own):
+    tables = [_between(solved, np.stack(x, axis=-1), absorption) for x in zip(*columns, strict=True)]
+    for table in tables:
         table.setflags(write=False)
-    return _Tables(ThroughTables(lobes, azimuth, behind, float(Directions().theta[-1])), log_own, solved, passed)
+    energy, along, azimuth, behind, log_own = tables
+    return _Tables(ThroughTables(energy, along, azimuth, behind, float(Directions().theta[-1])), log_own)
+
+
+@lru_cache(maxsize=16)
+def _passed(fibre: Fibre | Chiang) -> Array:
+    absorption = np.array(fibre.absorption)
+    solved, d = _solved(absorption), Directions()
+    passed = [StrandTransport(_parts(fibre, int(np.argmax(absorption == a)), d)).passed() for a in solved]
+    table = _between(solved, transmittance_table(np.stack(passed, axis=-1)), absorption)
+    table.setflags(write=False)
+    return table
 
 
 def _solved(absorption: Array) -> Array:
@@ -104,19 +110,19 @@ def _column(fibre: Fibre | Chiang, channel: int, medium: bool) -> tuple[Array, .
     d = Directions()
     parts = _parts(fibre, channel, d)
     transport = StrandTransport(parts)
-    sine = np.sin(d.theta)
-    functions = np.stack([np.ones_like(sine), sine, sine**2], axis=1)
-    sheets = transport.through_sheets(functions, _COUNTS)
-    random = _scattered(transport.through_random(functions, _DEPTHS, medium=medium))
+    every = np.eye(d.rows)
+    sheets = transport.through_sheets(every, _COUNTS)
+    random = _scattered(transport.through_random(every, _DEPTHS, medium=medium))
     # Slots: direct light's backscatter, then 0 (of sheets: 1), 1, 2, 4, 8, 16 strands. Of a whole number of sheets there is
     # none halfway from 1 to 2: the parabola through 1, 2 and 3 knows it.
-    one, two, three = sheets[1:4]
+    of_sheets, of_random = sheets.sum(axis=-1), random.sum(axis=-1)
+    one, two, three = of_sheets[1:4]
     half = np.exp((3 * _log(one) + 6 * _log(two) - _log(three)) / 8)
     nodes = np.stack([sheets[[0, 1, 1, 2, 4, 6, 8]], random[[0, 1, 4, 6, 8, 10, 12]]])
-    halfway = np.stack([[one, half, *sheets[[3, 5, 7]]], random[[3, 5, 7, 9, 11]]])
+    halfway = np.stack([[one, half, *of_sheets[[3, 5, 7]]], of_random[[3, 5, 7, 9, 11]]])
     # A sheet more leaves 1 - share of what is missing; a Poisson number of them, exp(-share b).
     log_own = _log(np.array([p.energy[::-1] for p in parts]).T)
-    return *_lobes_and_azimuth(d, nodes, halfway), transport.one_behind()[:, ::-1].T, log_own, transport.passed()
+    return *_of_parts(d, nodes, halfway), transport.one_behind()[:, ::-1].T, log_own
 
 
 def transmittance_table(passed: Array) -> Array:
@@ -191,40 +197,20 @@ def longitudinal_cells(d: Directions, axis: Array, variance: Array) -> Array:
     return into / into.sum(axis=1, keepdims=True)
 
 
-def _lobes_and_azimuth(d: Directions, seen: Array, halfway: Array) -> tuple[Array, Array]:
-    """The tables from moments at slots and halfway to the next: (arrangements, slots, parts, nodes, rows, 3)."""
-    seen, halfway = seen[..., ::-1, :], halfway[..., ::-1, 0]  # rows are directions of travel: theta_r is their other sign
-    whole = np.einsum("asjnrk,n->asrjk", seen, d.node_weights)
-    energy = np.maximum(whole[..., 0], math.exp(_DARKEST))
-    log_energy, bend = np.log(energy), np.zeros(energy.shape)
+def _of_parts(d: Directions, seen: Array, halfway: Array) -> tuple[Array, Array, Array]:
+    """The tables of energy, of M's and of azimuths, from energies at slots in each row of theta_i.
+
+    `seen`: (2, slots, parts, nodes, rows, rows of theta_i). `halfway`: those of all theta_i halfway to the next slot.
+    """
+    seen, halfway = seen[..., ::-1, :], halfway[..., ::-1]  # rows are directions of travel: theta_r is their other sign
+    along = np.maximum(np.einsum("asjnrt,n->asjrt", seen, d.node_weights), 0)
+    log_energy = _log(along.sum(axis=-1)).swapaxes(2, 3)
+    bend = np.zeros(log_energy.shape)
     between = _log(np.einsum("asjnr,n->asrj", halfway, d.node_weights))
     bend[:, 1:-1] = between - 0.5 * (log_energy[:, 1:-1] + log_energy[:, 2:])
-    axis, variance = axis_and_variance(whole[..., 1] / energy, whole[..., 2] / energy)
-    density = np.maximum(np.moveaxis(seen[..., 0], (2, 4), (4, 2))[:, :, ::AZIMUTH_ROWS], 0)
+    density = np.maximum(np.moveaxis(seen.sum(axis=-1), (2, 4), (4, 2))[:, :, ::AZIMUTH_ROWS], 0)
     total = np.einsum("asrnj,n->asrj", density, d.node_weights)[:, :, :, None]
     uniform = total <= math.exp(_DARKEST)
     azimuth = np.where(uniform, 0.5 / np.pi, density / np.where(uniform, 1, total))
-    return np.stack([log_energy, bend, axis, variance], axis=3), azimuth
-
-
-def axis_and_variance(first: Array, second: Array) -> tuple[Array, Array]:
-    """Return the axis and the variance of the M with these mean values of sin theta_i and of its square.
-
-    M is the latitude of a von Mises-Fisher distribution of concentration k = 1/v about the axis, whose moments are known:
-    with A = coth k - 1/k, E[sin] = A sin(axis) and E[sin²] = A/k + (1 - 3 A/k) sin²(axis). Taken so, what the poles cut
-    off a lobe is not mistaken for a shift.
-    """
-
-    def moments(k: Array) -> tuple[Array, Array]:
-        a = 1 / np.tanh(k) - 1 / k
-        sine = np.clip(first / a, -1, 1)
-        return sine, a / k + (1 - 3 * a / k) * sine**2
-
-    low, high = np.full_like(first, math.log(0.05)), np.full_like(first, math.log(1e5))
-    for _ in range(60):  # E[sin²] falls as the lobe narrows, for one mean
-        middle = 0.5 * (low + high)
-        sine, square = moments(np.exp(middle))
-        wide = (square > second) | (np.abs(sine) >= 1)
-        low, high = np.where(wide, middle, low), np.where(wide, high, middle)
-    k = np.exp(0.5 * (low + high))
-    return np.arcsin(moments(k)[0]), 1 / k
+    two = labelled(d.theta, two_lobes(d.theta, along[..., ::ALONG_ROWS, :]), along[..., 1::ALONG_ROWS, :])
+    return np.stack([log_energy, bend], axis=3), np.moveaxis(two, 2, 4), azimuth

@@ -1,0 +1,194 @@
+// What comes to a strand through others, and from those behind it: tables of what transport operators over directions give
+// (strand_transport.py), for strands in sheets, one after another, and for a number of them that is random.
+//
+// Four parts are told apart: R, TT and TRT of the strand itself, and what the strands behind it send back. Each is its
+// energy, times a density of azimuth, times a mixture of two energy-conserving M's (two_lobes.py): light that another strand
+// passed on has a peak in theta_i for each of that strand's lobes.
+#ifndef CUTICLE_SCATTERING_THROUGH_TABLE_H
+#define CUTICLE_SCATTERING_THROUGH_TABLE_H
+
+#include "cuticle/scattering/azimuthal.h"
+#include "cuticle/scattering/longitudinal.h"
+
+namespace cuticle {
+
+constexpr int through_parts = lobe_count + 1;
+// First what the strands behind send back of direct light, then all parts for 0 (sheets: 1), 1, 2, 4, 8 and 16 strands.
+constexpr int through_slots = 7;
+constexpr int energy_columns = 2;  // ln of the energy, its bend (through_energy)
+constexpr int along_columns = 5;   // the first M's share, axis and variance, the second's axis and variance
+
+// Each table but the last stands twice: for strands that are counted, in sheets, then for a Poisson number of them
+// (`random`).
+template <class Scalar, class Memory = const Scalar *> struct ThroughTable {
+    Memory energy;   // [random][slot][row][column][part][channel], theta_r from -limit to limit
+    Memory along;    // [random][slot][along row][column][part][channel], the same theta_r
+    Memory azimuth;  // [random][slot][azimuth row][column][part][channel], the same theta_r; phi from 0 to pi
+    Memory behind;   // [row][Behind][channel]
+    int rows, along_rows, azimuth_rows, columns, channels;
+    Scalar limit;
+    int parts = through_parts;  // 1 where what memory holds at an index is all parts
+};
+
+// Among 0, 1, 2, 4, 8 and 16 strands: the node below, the fraction toward the next, and how far past the last.
+template <class Float> struct StrandsPlace {
+    typename ArrayTraits<Float>::Index node;
+    Float t, past;
+};
+template <class Float> CUTICLE_INLINE StrandsPlace<Float> locate_strands(const Float &strands) {
+    const auto one = strands < Float(1), two = strands < Float(2), four = strands < Float(4), eight = strands < Float(8);
+    const Float low =
+        select(one, Float(0),
+               Float(select(two, Float(1), Float(select(four, Float(2), Float(select(eight, Float(4), Float(8))))))));
+    const Float node =
+        select(one, Float(0),
+               Float(select(two, Float(1), Float(select(four, Float(2), Float(select(eight, Float(3), Float(4))))))));
+    const Float t = (strands - low) / math::max(low, Float(1));
+    return {ArrayTraits<Float>::to_index(node), math::clamp(t, Float(0), Float(1)),
+            math::max(Float(t - Float(1)), Float(0))};
+}
+
+// Among inclinations from -limit to limit.
+template <class Float> CUTICLE_INLINE Place<Float> locate_viewer(const Float &theta, int rows, const Float &limit) {
+    return locate_node(Float((theta / limit + Float(1)) * Float(.5) * Float(rows - 1)), rows);
+}
+
+// A part's energy, from its logs at two numbers of strands and how far it lies above their mean halfway; past the last it
+// falls as it does there.
+template <class Value, class Float>
+CUTICLE_INLINE Value through_energy(const Value &lower, const Value &upper, const Value &bend,
+                                    const StrandsPlace<Float> &at) {
+    const Float bow = Float(4) * at.t * (Float(1) - at.t);
+    const Value slope = math::min(Value(upper - lower - Value(Float(4)) * bend), Value(0));
+    return math::exp(Value(math::linear(lower, upper, at.t) + bend * bow + slope * at.past));
+}
+
+// Where a viewer and a number of strands fall in the tables.
+template <class Float> struct ThroughPlace {
+    StrandsPlace<Float> strands;
+    Place<Float> row, along_row, azimuth_row;
+    bool random;
+    bool scattered;  // whether any light met other strands: else no part is looked up
+};
+template <class Float, class Scalar, class Memory>
+CUTICLE_INLINE ThroughPlace<Float> locate(const ThroughTable<Scalar, Memory> &table, const Float &theta_r,
+                                          const Float &strands, bool random, bool scattered) {
+    const Float limit = Float(table.limit);
+    return {locate_strands(strands),
+            locate_viewer(theta_r, table.rows, limit),
+            locate_viewer(theta_r, table.along_rows, limit),
+            locate_viewer(theta_r, table.azimuth_rows, limit),
+            random,
+            scattered};
+}
+
+// A part's energy and, along theta_i, two M's, of which the first has a share.
+template <class Value> struct ThroughPart {
+    Value energy, share, axis, variance, second_axis, second_variance;
+};
+// Their mixture, over cos theta_i a density of theta_i.
+template <class Value> CUTICLE_INLINE Value part_m(const ThroughPart<Value> &part, const Value &theta_i) {
+    return part.share * energy_conserving_m(theta_i, part.axis, part.variance) +
+           (Value(1) - part.share) * energy_conserving_m(theta_i, part.second_axis, part.second_variance);
+}
+
+// A part of a strand that differs from the others: its energy by a factor, its M's by a tilt and a variance, in theta_i.
+template <class Value> CUTICLE_INLINE Value widened(const Value &variance, const Value &by) {
+    return math::max(Value(variance + by), Value(scalar_t<Value>(1e-4)));
+}
+template <class Value>
+CUTICLE_INLINE ThroughPart<Value> own_part(const ThroughPart<Value> &others, const Value &energy, const Value &tilt,
+                                           const Value &variance) {
+    return {others.energy * energy,    others.share,
+            others.axis + tilt,        widened(others.variance, variance),
+            others.second_axis + tilt, widened(others.second_variance, variance)};
+}
+
+// A column of the M's between two numbers of strands, whose slots begin at `lower` and `upper`.
+template <class Value, class Float, class Scalar, class Memory, class Index, class Channel>
+CUTICLE_INLINE Value along_value(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at,
+                                 const Index &lower, const Index &upper, int column, const Channel &channel) {
+    const int size = along_columns * table.parts * table.channels;
+    return math::linear(between_rows<Value>(table.along, lower, at.along_row, size, column, channel),
+                        between_rows<Value>(table.along, upper, at.along_row, size, column, channel), at.strands.t);
+}
+template <class Value, class Float, class Scalar, class Memory, class Channel>
+CUTICLE_INLINE ThroughPart<Value> through_part(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at,
+                                               int part, const Channel &channel) {
+    using Index = typename ArrayTraits<Float>::Index;
+    const int one = table.parts * table.channels, size = energy_columns * one, first = part * table.channels;
+    const int slot = table.rows * size, along = table.along_rows * along_columns * one;
+    const Index number = at.strands.node + Index(at.random ? through_slots + 1 : 1);
+    const Index lower = number * Index(slot), upper = lower + Index(slot);
+    const Index near = number * Index(along), far = near + Index(along);
+    return {through_energy(between_rows<Value>(table.energy, lower, at.row, size, first, channel),
+                           between_rows<Value>(table.energy, upper, at.row, size, first, channel),
+                           between_rows<Value>(table.energy, lower, at.row, size, first + one, channel), at.strands),
+            along_value<Value>(table, at, near, far, first, channel),
+            along_value<Value>(table, at, near, far, first + one, channel),
+            along_value<Value>(table, at, near, far, first + 2 * one, channel),
+            along_value<Value>(table, at, near, far, first + 3 * one, channel),
+            along_value<Value>(table, at, near, far, first + 4 * one, channel)};
+}
+// What comes back of direct light: the last part.
+template <class Value, class Float, class Scalar, class Memory, class Channel>
+CUTICLE_INLINE ThroughPart<Value> direct_back(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at,
+                                              const Channel &channel) {
+    using Index = typename ArrayTraits<Float>::Index;
+    const int one = table.parts * table.channels, size = energy_columns * one, last = one - table.channels;
+    const int wide = along_columns * one;
+    const Index first = Index(at.random ? through_slots * table.rows * size : 0);
+    const Index along = Index(at.random ? through_slots * table.along_rows * wide : 0);
+    return {math::exp(between_rows<Value>(table.energy, first, at.row, size, last, channel)),
+            between_rows<Value>(table.along, along, at.along_row, wide, last, channel),
+            between_rows<Value>(table.along, along, at.along_row, wide, last + one, channel),
+            between_rows<Value>(table.along, along, at.along_row, wide, last + 2 * one, channel),
+            between_rows<Value>(table.along, along, at.along_row, wide, last + 3 * one, channel),
+            between_rows<Value>(table.along, along, at.along_row, wide, last + 4 * one, channel)};
+}
+
+// What an end of the strands behind changes: the rates at which the backscatter of direct and of scattered light grows with
+// them, and what comes through other strands where none stands behind, out of what does before a half space.
+template <class Float> struct Behind {
+    Float direct, scattered, alone;
+};
+template <class Value, class Float, class Memory, class Channel>
+CUTICLE_HD Behind<Value> behind_at(const Memory &behind, const Place<Float> &row, int channels, const Channel &channel) {
+    using Index = typename ArrayTraits<Float>::Index;
+    const Index first = Index(0);
+    const int size = 3 * channels;
+    return {between_rows<Value>(behind, first, row, size, 0, channel),
+            between_rows<Value>(behind, first, row, size, channels, channel),
+            between_rows<Value>(behind, first, row, size, 2 * channels, channel)};
+}
+
+// A part's density of phi in the slot that begins at `first`; column: that of phi.
+template <class Value, class Float, class Scalar, class Memory, class Index, class Channel>
+CUTICLE_INLINE Value turn_value(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at, const Index &first,
+                                const Place<Float> &column, int part, const Channel &channel) {
+    const int size = table.parts * table.channels, row = table.columns * size;
+    const Index lower = first + at.azimuth_row.node * Index(row) + column.node * Index(size) + Index(part * table.channels);
+    return bilinear_value<Value>(table.azimuth, lower, row, size, at.azimuth_row.t, column.t, channel);
+}
+// The density of phi that a part is multiplied by, and that of direct light's backscatter.
+template <class Value, class Float, class Scalar, class Memory, class Channel>
+CUTICLE_INLINE Value through_turn(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at,
+                                  const Place<Float> &column, int part, const Channel &channel) {
+    using Index = typename ArrayTraits<Float>::Index;
+    const int slot = table.azimuth_rows * table.columns * table.parts * table.channels;
+    const Index lower = (at.strands.node + Index(at.random ? through_slots + 1 : 1)) * Index(slot);
+    return math::convex(turn_value<Value>(table, at, lower, column, part, channel),
+                        turn_value<Value>(table, at, Index(lower + Index(slot)), column, part, channel), at.strands.t);
+}
+template <class Value, class Float, class Scalar, class Memory, class Channel>
+CUTICLE_INLINE Value direct_back_turn(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at,
+                                      const Place<Float> &column, const Channel &channel) {
+    using Index = typename ArrayTraits<Float>::Index;
+    const int slot = table.azimuth_rows * table.columns * table.parts * table.channels;
+    const Index first = Index(at.random ? through_slots * slot : 0);
+    return turn_value<Value>(table, at, first, column, table.parts - 1, channel);
+}
+
+}  // namespace cuticle
+
+#endif  // CUTICLE_SCATTERING_THROUGH_TABLE_H
