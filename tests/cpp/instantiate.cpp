@@ -196,7 +196,7 @@ template <class F, class S, class M> struct Use {
     F through_table() const {
         const ThroughTable<S, M> table{};
         const auto place = locate(table, x, y, false, true);
-        const ThroughPart<F> part = own_part(through_part<F>(table, place, 1, 2), x, y, z);
+        const ThroughPart<F> part = own_part(through_part<F>(table, place, 1, 2), OwnPart<F>{x, y, z, x});
         return part_m(part, x) + part_m(direct_back<F>(table, place, 0), y) + behind_at<F>(memory, place.row, 3, 1).alone +
                through_turn<F>(table, place, place.row, 1, 2) + direct_back_turn<F>(table, place, place.row, 0);
     }
@@ -208,7 +208,7 @@ template <class F, class S, class M> struct Use {
         const ChannelBetween<F> between = locate(AbsorptionRange<S>{S(.1), S(1.2), 0, 9}, x);
         F lobes[through_parts + 1];
         through_lobes(through_moments(table, place, between), x, lobes);
-        const OwnParts<F> own{{x, y, z}, {x, y, z}, {x, y, z}};
+        const OwnParts<F> own{{{x, y, z, x}, {x, y, z, x}, {x, y, z, x}}};
         through_lobes(through_moments(table, place, 1, &own), x, lobes);
         lobes[0] = behind_at<F>(memory, place.row, 3, between).alone + behind_at<F>(memory, place.row, 3, 1).alone;
         return add_through(x, table, place, lobes, z, between) + add_through(x, table, place, lobes, z, 1) +
@@ -226,7 +226,7 @@ template <class F, class S, class M> struct Use {
 #ifdef USE_scattering_through_draw
     F drawn() const {
         const ThroughDraw<S, M> table{memory, memory, 5, 3, 9, S(1.5)};
-        const OwnParts<F> own{{x, y, z}, {x, y, z}, {x, y, z}};
+        const OwnParts<F> own{{{x, y, z, x}, {x, y, z, x}, {x, y, z, x}}};
         const auto mixture = through_mixture(table, x, own);
         return through_sample(table, mixture, x, y, z).pdf + through_pdf(table, mixture, x, y);
     }

@@ -23,12 +23,9 @@ template <class Float, class Scalar, class Memory>
 CUTICLE_HD OwnParts<Float> own_parts(const MeanStrands<Scalar, Memory> &mean, const FarFibre<Float> &fibre,
                                      const Float *energy) {
     OwnParts<Float> own;
-    for (int p = 0; p < lobe_count; ++p) {
-        own.energy[p] = energy[p];
-        own.tilt[p] = fibre.tilt[p] - Float(mean.tilt[p]);
-        own.variance[p] = fibre.variance[p] - Float(mean.variance[p]);
-    }
-    own.energy[lobe_count - 1] = own.energy[lobe_count - 1] + energy[lobe_count];  // the orders past TRT
+    for (int p = 0; p < lobe_count; ++p)
+        own.of[p] = {energy[p], fibre.tilt[p] - Float(mean.tilt[p]), fibre.variance[p], Float(mean.variance[p])};
+    own.of[lobe_count - 1].energy = own.of[lobe_count - 1].energy + energy[lobe_count];  // the orders past TRT
     return own;
 }
 

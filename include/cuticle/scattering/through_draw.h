@@ -23,7 +23,7 @@ template <class Float> struct ThroughMixture {
     Place<Float> azimuth_row;
 };
 
-// `own`: energies of the strand's parts by luminance, and how its M differs from that of the others.
+// `own`: energies of the strand's parts by luminance, and its own M.
 template <class Float, class Scalar, class Memory>
 CUTICLE_HD ThroughMixture<Float> through_mixture(const ThroughDraw<Scalar, Memory> &table, const Float &theta_r,
                                                  const OwnParts<Float> &own) {
@@ -39,7 +39,7 @@ CUTICLE_HD ThroughMixture<Float> through_mixture(const ThroughDraw<Scalar, Memor
         const int first = p * draw_columns;
         ThroughPart<Float> part = {value(first),     value(first + 1), value(first + 2),
                                    value(first + 3), value(first + 4), value(first + 5)};
-        if (p < lobe_count) part = own_part(part, own.energy[p], own.tilt[p], own.variance[p]);
+        if (p < lobe_count) part = own_part(part, own.of[p]);
         mix.parts.set(p, part);
         total = total + part.energy;
     }

@@ -9,11 +9,11 @@
 
 namespace cuticle {
 
-// How a strand differs from the others, for which the tables were made: its parts' energies are those times `energy`, and
-// its own M lies `tilt` further and is wider by `variance` (radians, theta).
+// Of R, TT and TRT.
 template <class Float> struct OwnParts {
-    Float energy[lobe_count], tilt[lobe_count], variance[lobe_count];
+    OwnPart<Float> of[lobe_count];
 };
+
 // All parts, then direct light's backscatter.
 template <class Float> struct ThroughMoments {
     using Parts = Several<Float, through_parts + 1>;
@@ -39,7 +39,7 @@ CUTICLE_INLINE ThroughMoments<Float> through_moments(const ThroughTable<Scalar, 
         if (!at.scattered) continue;
         const ThroughPart<Float> others = through_part<Float>(table, at, p, channel);
         const bool its = own && p < lobe_count;  // the last is the others'
-        moments.set(p, its ? own_part(others, own->energy[p], own->tilt[p], own->variance[p]) : others);
+        moments.set(p, its ? own_part(others, own->of[p]) : others);
     }
     moments.set(through_parts, direct_back<Float>(table, at, channel));
     return moments;

@@ -86,22 +86,28 @@ CUTICLE_INLINE ThroughPlace<Float> locate(const ThroughTable<Scalar, Memory> &ta
 template <class Value> struct ThroughPart {
     Value energy, share, axis, variance, second_axis, second_variance;
 };
-// Their mixture, over cos theta_i a density of theta_i.
+// Their mixture; times cos theta_i it integrates to 1 over theta_i.
 template <class Value> CUTICLE_INLINE Value part_m(const ThroughPart<Value> &part, const Value &theta_i) {
     return part.share * energy_conserving_m(theta_i, part.axis, part.variance) +
            (Value(1) - part.share) * energy_conserving_m(theta_i, part.second_axis, part.second_variance);
 }
 
-// A part of a strand that differs from the others: its energy by a factor, its M's by a tilt and a variance, in theta_i.
-template <class Value> CUTICLE_INLINE Value widened(const Value &variance, const Value &by) {
-    return math::max(Value(variance + by), Value(scalar_t<Value>(1e-4)));
+// How a part of a strand differs from that of the others, for which tables were made: its energy is theirs times `energy`,
+// and its own M lies `tilt` further, with `variance` in place of `others`, in theta.
+template <class Value> struct OwnPart {
+    Value energy, tilt, variance, others;
+};
+// Where its own M is the narrower, what is narrower than the others' is narrowed in proportion: the difference of variances
+// might be more than it has.
+template <class Value> CUTICLE_INLINE Value own_variance(const Value &variance, const OwnPart<Value> &own) {
+    return math::max(Value(variance + (own.variance - own.others)),
+                     Value(variance * math::min(Value(own.variance / own.others), Value(1))));
 }
 template <class Value>
-CUTICLE_INLINE ThroughPart<Value> own_part(const ThroughPart<Value> &others, const Value &energy, const Value &tilt,
-                                           const Value &variance) {
-    return {others.energy * energy,    others.share,
-            others.axis + tilt,        widened(others.variance, variance),
-            others.second_axis + tilt, widened(others.second_variance, variance)};
+CUTICLE_INLINE ThroughPart<Value> own_part(const ThroughPart<Value> &part, const OwnPart<Value> &own) {
+    return {part.energy * own.energy,    part.share,
+            part.axis + own.tilt,        own_variance(part.variance, own),
+            part.second_axis + own.tilt, own_variance(part.second_variance, own)};
 }
 
 // A column of the M's between two numbers of strands, whose slots begin at `lower` and `upper`.
