@@ -129,7 +129,7 @@ def _measure(
     estimate, deviation = float(weight.mean()), float(weight.std())
     dominated = float((weight**2).max() / (weight**2).sum()) > _DOMINANT
     # The difference of two rules estimates the quadrature's own error, which is no bias of the sampler.
-    error = np.hypot(deviation / np.sqrt(len(weight)), quality.energy_error)
+    error = np.hypot(deviation / np.sqrt(len(weight)), quality.energy_error or 0.0)
     again = sampler.pdf(theta[some], np.float32(theta_r), phi[some], strands)
     return CheckMeasurement(
         theta_r=theta_r, strands=strands,

@@ -51,7 +51,7 @@ class Quality:
     energy
         ∫ f cos for each channel.
     energy_error
-        Difference of the luminance's energy between two quadrature rules; NaN if it was not asked for.
+        Difference of the luminance's energy between two quadrature rules; None if it was not asked for.
     total_variation
         ½ ∫ |f cos/∫ f cos - p|, 0 to 1.
     """
@@ -60,7 +60,7 @@ class Quality:
     ess_channels: tuple[float, ...]
     largest_weight: float
     energy: tuple[float, ...]
-    energy_error: float
+    energy_error: float | None
     total_variation: float
 
 
@@ -105,7 +105,7 @@ def measure(sampler: Density, model: Bcsdf, theta_r: float, strands: float | Non
     ess = effective_sample_size(energy, second)
     weight = float(np.max(channels[..., -1] / floor) / energy[-1])
     variation = 0.5 * float((solid_angle * np.abs(channels[..., -1] / energy[-1] - p)).sum())
-    apart = float("nan")
+    apart = None
     if error:
         lower = grid(*edges, _ORDER - 1)
         light = float((lower.weights * np.cos(lower.theta)[:, None] * luminance(values(lower))).sum()) * sides
