@@ -197,8 +197,8 @@ template <class F, class S, class M> struct Use {
         const ThroughTable<S, M> table{};
         const auto place = locate(table, x, y, false, true);
         const ThroughPart<F> part = own_part(through_part<F>(table, place, 1, 2), OwnPart<F>{x, y, z, x});
-        return part_m(part, x) + part_m(direct_back<F>(table, place, 0), y) + behind_at<F>(memory, place.row, 3, 1).alone +
-               through_turn<F>(table, place, place.row, 1, 2) + direct_back_turn<F>(table, place, place.row, 0);
+        return part_m(part, x) + part_m(through_part<F>(table, place, 4, 0), y) +
+               behind_at<F>(memory, place.row, 3, 1).alone + through_turn<F>(table, place, place.row, 1, 2);
     }
 #endif
 #ifdef USE_scattering_through_strands

@@ -34,14 +34,13 @@ CUTICLE_INLINE ThroughMoments<Float> through_moments(const ThroughTable<Scalar, 
                                                      const ThroughPlace<Float> &at, const Channel &channel,
                                                      const OwnParts<Float> *own = nullptr) {
     ThroughMoments<Float> moments;
-    for (int p = 0; p < through_parts; ++p) {
+    for (int p = 0; p <= through_parts; ++p) {
         moments.energy[p] = Float(0);
-        if (!at.scattered) continue;
+        if (!at.scattered && p < through_parts) continue;
         const ThroughPart<Float> others = through_part<Float>(table, at, p, channel);
-        const bool its = own && p < lobe_count;  // the last is the others'
+        const bool its = own && p < lobe_count;  // the last two are the others'
         moments.set(p, its ? own_part(others, own->of[p]) : others);
     }
-    moments.set(through_parts, direct_back<Float>(table, at, channel));
     return moments;
 }
 
@@ -68,9 +67,8 @@ template <class Float, class Scalar, class Memory, class Channel>
 CUTICLE_INLINE void through_azimuths(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at,
                                      const Float &phi, const Channel &channel, Float *values) {
     const Place<Float> column = locate_azimuth(phi, table.columns);
-    for (int p = 0; p < through_parts; ++p)
-        values[p] = at.scattered ? through_turn<Float>(table, at, column, p, channel) : Float(0);
-    values[through_parts] = direct_back_turn<Float>(table, at, column, channel);
+    for (int p = 0; p <= through_parts; ++p)
+        values[p] = at.scattered || p == through_parts ? through_turn<Float>(table, at, column, p, channel) : Float(0);
 }
 
 // What of that goes to an azimuth: the sum over parts of their lobes times their densities of phi.

@@ -110,47 +110,45 @@ CUTICLE_INLINE ThroughPart<Value> own_part(const ThroughPart<Value> &part, const
             part.second_axis + own.tilt, own_variance(part.second_variance, own)};
 }
 
-// A column of the M's between two numbers of strands, whose slots begin at `lower` and `upper`.
+// Where a part's values begin in a table, `size` values a slot, for fewer and for more strands. Part through_parts is the
+// backscatter of direct light, the last part of the first slot, whatever the strands.
+template <class Index> struct PartSlots {
+    Index lower, upper;
+};
+template <class Float, class Scalar, class Memory>
+CUTICLE_INLINE PartSlots<typename ArrayTraits<Float>::Index> part_slots(const ThroughTable<Scalar, Memory> &table,
+                                                                        const ThroughPlace<Float> &at, int part, int size) {
+    using Index = typename ArrayTraits<Float>::Index;
+    const bool direct = part == through_parts;
+    const int first = (at.random ? through_slots * size : 0) + math::min(part, table.parts - 1) * table.channels;
+    const Index lower = direct ? Index(first) : Index(Index(first + size) + at.strands.node * Index(size));
+    return {lower, direct ? lower : Index(lower + Index(size))};
+}
+
+// A column of the M's.
 template <class Value, class Float, class Scalar, class Memory, class Index, class Channel>
 CUTICLE_INLINE Value along_value(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at,
-                                 const Index &lower, const Index &upper, int column, const Channel &channel) {
-    const int size = along_columns * table.parts * table.channels;
-    return math::linear(between_rows<Value>(table.along, lower, at.along_row, size, column, channel),
-                        between_rows<Value>(table.along, upper, at.along_row, size, column, channel), at.strands.t);
+                                 const PartSlots<Index> &slots, int column, const Channel &channel) {
+    const int one = table.parts * table.channels, size = along_columns * one;
+    return math::linear(between_rows<Value>(table.along, slots.lower, at.along_row, size, column * one, channel),
+                        between_rows<Value>(table.along, slots.upper, at.along_row, size, column * one, channel),
+                        at.strands.t);
 }
 template <class Value, class Float, class Scalar, class Memory, class Channel>
 CUTICLE_INLINE ThroughPart<Value> through_part(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at,
                                                int part, const Channel &channel) {
     using Index = typename ArrayTraits<Float>::Index;
-    const int one = table.parts * table.channels, size = energy_columns * one, first = part * table.channels;
-    const int slot = table.rows * size, along = table.along_rows * along_columns * one;
-    const Index number = at.strands.node + Index(at.random ? through_slots + 1 : 1);
-    const Index lower = number * Index(slot), upper = lower + Index(slot);
-    const Index near = number * Index(along), far = near + Index(along);
-    return {through_energy(between_rows<Value>(table.energy, lower, at.row, size, first, channel),
-                           between_rows<Value>(table.energy, upper, at.row, size, first, channel),
-                           between_rows<Value>(table.energy, lower, at.row, size, first + one, channel), at.strands),
-            along_value<Value>(table, at, near, far, first, channel),
-            along_value<Value>(table, at, near, far, first + one, channel),
-            along_value<Value>(table, at, near, far, first + 2 * one, channel),
-            along_value<Value>(table, at, near, far, first + 3 * one, channel),
-            along_value<Value>(table, at, near, far, first + 4 * one, channel)};
-}
-// What comes back of direct light: the last part.
-template <class Value, class Float, class Scalar, class Memory, class Channel>
-CUTICLE_INLINE ThroughPart<Value> direct_back(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at,
-                                              const Channel &channel) {
-    using Index = typename ArrayTraits<Float>::Index;
-    const int one = table.parts * table.channels, size = energy_columns * one, last = one - table.channels;
-    const int wide = along_columns * one;
-    const Index first = Index(at.random ? through_slots * table.rows * size : 0);
-    const Index along = Index(at.random ? through_slots * table.along_rows * wide : 0);
-    return {math::exp(between_rows<Value>(table.energy, first, at.row, size, last, channel)),
-            between_rows<Value>(table.along, along, at.along_row, wide, last, channel),
-            between_rows<Value>(table.along, along, at.along_row, wide, last + one, channel),
-            between_rows<Value>(table.along, along, at.along_row, wide, last + 2 * one, channel),
-            between_rows<Value>(table.along, along, at.along_row, wide, last + 3 * one, channel),
-            between_rows<Value>(table.along, along, at.along_row, wide, last + 4 * one, channel)};
+    const int one = table.parts * table.channels, size = energy_columns * one;
+    const PartSlots<Index> energy = part_slots(table, at, part, table.rows * size);
+    const PartSlots<Index> along = part_slots(table, at, part, table.along_rows * along_columns * one);
+    return {through_energy(between_rows<Value>(table.energy, energy.lower, at.row, size, 0, channel),
+                           between_rows<Value>(table.energy, energy.upper, at.row, size, 0, channel),
+                           between_rows<Value>(table.energy, energy.lower, at.row, size, one, channel), at.strands),
+            along_value<Value>(table, at, along, 0, channel),
+            along_value<Value>(table, at, along, 1, channel),
+            along_value<Value>(table, at, along, 2, channel),
+            along_value<Value>(table, at, along, 3, channel),
+            along_value<Value>(table, at, along, 4, channel)};
 }
 
 // What an end of the strands behind changes: the rates at which the backscatter of direct and of scattered light grows with
@@ -168,31 +166,18 @@ CUTICLE_HD Behind<Value> behind_at(const Memory &behind, const Place<Float> &row
             between_rows<Value>(behind, first, row, size, 2 * channels, channel)};
 }
 
-// A part's density of phi in the slot that begins at `first`; column: that of phi.
-template <class Value, class Float, class Scalar, class Memory, class Index, class Channel>
-CUTICLE_INLINE Value turn_value(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at, const Index &first,
-                                const Place<Float> &column, int part, const Channel &channel) {
-    const int size = table.parts * table.channels, row = table.columns * size;
-    const Index lower = first + at.azimuth_row.node * Index(row) + column.node * Index(size) + Index(part * table.channels);
-    return bilinear_value<Value>(table.azimuth, lower, row, size, at.azimuth_row.t, column.t, channel);
-}
-// The density of phi that a part is multiplied by, and that of direct light's backscatter.
+// The density of phi that a part is multiplied by; column: that of phi.
 template <class Value, class Float, class Scalar, class Memory, class Channel>
 CUTICLE_INLINE Value through_turn(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at,
                                   const Place<Float> &column, int part, const Channel &channel) {
     using Index = typename ArrayTraits<Float>::Index;
-    const int slot = table.azimuth_rows * table.columns * table.parts * table.channels;
-    const Index lower = (at.strands.node + Index(at.random ? through_slots + 1 : 1)) * Index(slot);
-    return math::convex(turn_value<Value>(table, at, lower, column, part, channel),
-                        turn_value<Value>(table, at, Index(lower + Index(slot)), column, part, channel), at.strands.t);
-}
-template <class Value, class Float, class Scalar, class Memory, class Channel>
-CUTICLE_INLINE Value direct_back_turn(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at,
-                                      const Place<Float> &column, const Channel &channel) {
-    using Index = typename ArrayTraits<Float>::Index;
-    const int slot = table.azimuth_rows * table.columns * table.parts * table.channels;
-    const Index first = Index(at.random ? through_slots * slot : 0);
-    return turn_value<Value>(table, at, first, column, table.parts - 1, channel);
+    const int size = table.parts * table.channels, row = table.columns * size;
+    const PartSlots<Index> slots = part_slots(table, at, part, table.azimuth_rows * row);
+    const Index within = at.azimuth_row.node * Index(row) + column.node * Index(size);
+    return math::convex(
+        bilinear_value<Value>(table.azimuth, Index(slots.lower + within), row, size, at.azimuth_row.t, column.t, channel),
+        bilinear_value<Value>(table.azimuth, Index(slots.upper + within), row, size, at.azimuth_row.t, column.t, channel),
+        at.strands.t);
 }
 
 }  // namespace cuticle

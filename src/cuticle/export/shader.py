@@ -203,7 +203,7 @@ def _model_values(tables: Tables) -> dict[str, object]:
     second = 3 * rows * columns
     values: dict[str, object] = {
         "rows": rows, "columns": columns, "dual": tables.kind == "dual", "second": second,
-        "form": "energy_conserving" if tables.conserving else "gaussian",
+        "form": f"Longitudinal::{'energy_conserving' if tables.conserving else 'gaussian'}",
     }  # fmt: skip
     if tables.averages is not None:
         values["averages"] = f"{{{2 * second}, {len(tables.averages)}, 1}}"
