@@ -19,7 +19,7 @@ from cuticle.draft.figures import figures
 from cuticle.draft.functions import Choice, find_functions
 from cuticle.draft.gaussians import fit_gaussian
 from cuticle.draft.printed import Printed
-from cuticle.draft.tables import around, near_pole, table_2
+from cuticle.draft.tables import THETA_R_2, around, near_pole, table_2, table_3
 
 HERE = Path(__file__).parent
 PICTURES = ("functions", "comparison", "figure1")
@@ -86,6 +86,28 @@ def table_3_study(model: cuticle.DualScattering, printed: Printed) -> dict[str, 
     }
 
 
+def transported(d: cuticle.Document, printed: Printed) -> dict[str, Any]:
+    """Return table 3 of light that is followed through strands at its true angles, beside the printed one and ours."""
+    models = (d.model, cuticle.DualScattering(d.model.fibre.replace(formulation="exact")))
+    rows = []
+    for strands in (1.0, 2.0, 4.0, 8.0):
+        found = []
+        for (n, theta_r), (scale, sigma, shift) in printed.table_3.items():
+            if n != strands or abs(theta_r) > 60:
+                continue
+            t = near_pole(theta_r)
+            curves = [around(m.with_strands(n), t) for m in models]
+            gaussians = [fit_gaussian(c, -math.pi / 2, math.pi / 2, window=0.0) for c in curves]
+            values = [(g.sigma, math.degrees(g.mean + t), g.scale) for g in gaussians if g is not None]
+            found.append([(sigma, shift, scale), *values])
+        f = np.array(found)
+        sigmas, slopes = f[:, :, 0].mean(axis=0), np.ptp(f[:, :, 1], axis=0)
+        cells = [*(f"{x:.2f}" for x in sigmas), *(f"{x:.0f}°" for x in slopes), f"{np.median(f[:, 2, 2] / f[:, 0, 2]):.2g}"]
+        rows.append({"n": f"{strands:g}", "cells": cells})
+    found = find_functions(d.table_2, table_3(models[1], theta_r=THETA_R_2), d.axis)
+    return {"rows": rows, "functions": [f for f in functions(found.choices) if f["symbol"] in ("σ", "μ")]}
+
+
 def context(d: cuticle.Document, printed: Printed) -> dict[str, Any]:
     data = d.to_dict()
     assert d.found is not None
@@ -129,6 +151,7 @@ def context(d: cuticle.Document, printed: Printed) -> dict[str, Any]:
         "steradian": beside[0],
         "radian": beside[1],
         "study": table_3_study(d.model, printed),
+        "transported": transported(d, printed),
         "sigma_mean": f"{np.mean([r['sigma']['ours'] for r in rows_3 if abs(r['theta_r_deg']) <= 60]):.2f}",
         "counts": counts,
         "quality": [
