@@ -28,6 +28,7 @@ from cuticle.render.picture import rel_mse
 from cuticle.render.scene import Light, View, bsdf, integrator, load_scene, mitsuba
 
 RUNS, SPP = 4, 64
+LIGHTS = ("env", "area")
 
 
 def grooms(data: Path | None) -> dict[str, Groom]:
@@ -73,6 +74,7 @@ def main() -> None:
     parser.add_argument("--size", type=int, default=128)
     parser.add_argument("--groom", action="append", help="one of these alone; may be repeated")
     parser.add_argument("--hair", action="append", choices=("blond", "black"), help="one of these alone")
+    parser.add_argument("--light", action="append", choices=LIGHTS, help="one of these alone")
     parser.add_argument("--way", action="append", help='one of these alone, such as "grid, corrected"; may be repeated')
     arguments = parser.parse_args()
     try:
@@ -100,7 +102,7 @@ def main() -> None:
     console = Console(width=140)
     with Live(grid, console=console, auto_refresh=False) as live:
         for name in chosen:
-            for light in ("env", "area"):
+            for light in arguments.light or LIGHTS:
                 for fibre in arguments.hair or ("blond", "black"):
                     path = runs(mi, found[name], fibre, light, view, integrator("path", depth=64))
                     direct = runs(mi, found[name], fibre, light, view, integrator("direct"))

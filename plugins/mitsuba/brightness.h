@@ -20,8 +20,9 @@ namespace dr = drjit;
 // part, then halves of the box along each axis, halves of these, and so on. A level multiplies what the one before it,
 // interpolated between its parts' centres, says by Σ path / Σ (ratio dual) of each of its parts, as far as that is more than
 // noise: by the share t² / (t² + v) of its difference from one, where v is its variance and t² what the parts of a level
-// differ by beyond v (empirical Bayes, as James and Stein's estimator). v comes from the noise of all samples: a part's own
-// would be large where a bright path fell, and such parts would be held down.
+// differ by beyond v (empirical Bayes, as James and Stein's estimator). Of the whole box, which is one part, that would be a
+// guess: t is what grooms differ by. v comes from the noise of all samples: a part's own would be large where a bright path
+// fell, and such parts would be held down.
 template <class Float, size_t Channels> class BrightnessRatio {
   public:
     using Colour = std::array<float, Channels>;
@@ -113,6 +114,7 @@ template <class Float, size_t Channels> class BrightnessRatio {
   private:
     static constexpr size_t finest = 8;   // parts along an axis
     static constexpr size_t enough = 64;  // samples of a part, where hair fills as many as a surface does
+    static constexpr double usual = .15;  // what the ratio of a whole groom differs from one by
     static constexpr float most = 32;     // a ratio is held within 1/most and most
 
     struct Sums {
@@ -170,7 +172,7 @@ template <class Float, size_t Channels> class BrightnessRatio {
             excess += off * off - parts.noise * part.squares;
             weight += double(dual) * dual;
         }
-        const double between = weight > 0 ? std::max(excess / weight, 0.) : 0.;
+        const double between = side == 1 ? usual * usual : weight > 0 ? std::max(excess / weight, 0.) : 0.;
         std::vector<float> ratios;
         for (size_t k = 0; k < parts.sums.size(); ++k) {
             const auto middle = [&](size_t index) { return (float(index % side) + .5f) / float(side); };
