@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import cuticle
-from cuticle import DualScattering, Fibre, Marschner, fit, measure
+from cuticle import DualScattering, Fibre, Marschner, Sampler, fit, measure
+from cuticle.fitting.lobes import fit_table
+from cuticle.fitting.mixture import to_natural
+from cuticle.fitting.points import Points, make_points
 from cuticle.fitting.rows import settled_rows
 
 BETWEEN = np.radians([-73.1, -52, -33.75, -11, 3.75, 26, 41.2, 63.7, 74.9])
@@ -113,8 +119,34 @@ def test_weights_are_bounded(fibre: Fibre) -> None:
 
 def test_rows_go_on_to_where_the_shape_settles() -> None:
     assert settled_rows(DualScattering(Fibre.preset("blond"))) == (0, 1, 2, 4, 8, 16)
-    assert settled_rows(DualScattering(Fibre.preset("black"))) == (0, 1, 2, 2.5, 3, 4, 6, 7, 8, 12, 16)
     assert settled_rows(DualScattering(Fibre.preset("document")))[-2:] == (32, 64)  # zinke2008 widens on and on
+
+
+def test_rows_are_added_where_lobes_cannot_follow_the_light() -> None:
+    """Between 32 and 64 strands four lobes lose a light that they hold at both."""
+    model = DualScattering(TILTED)
+
+    def look(strands: Sequence[float], known: Points | None = None) -> Points:
+        return make_points(model.with_strands, strands, "luminance", "normal", dense=True, known=known)
+
+    def worst(points: Points, u: NDArray) -> float:
+        nodes = to_natural(u)
+        sampler = Sampler(nodes, np.ones(nodes.shape[:2]), tuple(points.rows), even=True)
+        return min(measure(sampler, model.with_strands(n), np.radians(49), n).ess for n in (40.0, 45.0, 56.0))
+
+    first = look((32, 64))
+    kept, u = fit_table(first, 4, lambda *_: None)
+    more, v = fit_table(first, 4, lambda *_: None, look)
+    assert tuple(kept.rows) == (32, 64)
+    assert set(more.rows) > {32, 48, 64}
+    assert worst(kept, u) < 0.965
+    assert worst(more, v) > 0.975
+    for again, anew in zip(more.targets, look(more.rows).targets, strict=True):
+        np.testing.assert_array_equal(again, anew)
+
+
+def test_counts_may_be_an_array() -> None:
+    assert fit(DualScattering(Fibre.preset("blond")), 1, strands=np.array([2, 3])).sampler.strands == (2, 3)
 
 
 def test_many_strands() -> None:
@@ -207,6 +239,7 @@ class Flat:
         (lambda m: fit(m, strands=[2, 1]), "strands must be increasing, got 2, 1"),
         (lambda m: fit(m, strands=[0, -1]), "strands must be in [0, 10000], got -1"),
         (lambda m: fit(m, form="gauss"), "form must be one of lobes, document; got 'gauss'"),
+        (lambda m: fit(m, form=np.array(["lobes", "document"])), "form must be one of lobes, document; got array("),
         (lambda m: fit(m, objective="red"), "objective must be one of luminance, rgb; got 'red'"),
         (lambda m: fit(m, form="document", defensive=1.0), "defensive must be in [0, 0.99], got 1"),
         (

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from cuticle import Chiang, Strands, _core
+from cuticle import Chiang, Strands, _core, family, measure
 from cuticle.scattering.strand_transport import Directions
 from cuticle.scattering.through_strands import _solved, through_tables
 from cuticle.scattering.two_lobes import axis_and_variance, labelled, two_lobes
@@ -68,6 +68,13 @@ def test_one_m_stays_one(deviation: float, bound: float) -> None:
     one = mixtures([(0.5, axis, deviation, axis, deviation) for axis in (-74, 0, 34)])
     found = two_lobes(D.theta, in_rows(one))
     assert np.abs(density(found) - density(one)).sum(axis=1).max() * STEP < bound
+
+
+def test_a_faint_tail_is_not_lost() -> None:
+    """What is 1e-7 of the light of a smooth dark fibre's strands, and far out: by likelihood alone an ESS of 1e-11."""
+    fibre = Chiang(beta_m=0.118, beta_n=0.17, alpha=6.05, eta=1.76, sigma_a=2)
+    sampler = family("dual_scattering", fibre, d_f=1, d_b=1).sampler_at(fibre, strands=8)
+    assert measure(sampler, Strands(fibre).with_strands(8), np.radians(58.2)).ess > 0.9
 
 
 def test_exchanged_labels_of_a_smooth_mixture_come_out_continuous() -> None:

@@ -75,7 +75,7 @@ def flag(name: str, value: Any) -> bool:
 def choice(name: str, value: Any, allowed: Iterable[str]) -> str:
     """Return `value` if it is one of `allowed`."""
     options = list(allowed)
-    if value not in options:
+    if not isinstance(value, str) or value not in options:  # an array compares by element
         raise ValueError(f"{name} must be one of {', '.join(options)}; got {value!r}")
     return str(value)
 

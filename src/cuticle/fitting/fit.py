@@ -58,8 +58,8 @@ def fit(
         Number of lobes K, 1 to 32. None chooses K by ESS per cost of a traced sample.
     strands
         Increasing strand counts to cover, such as [0, 1, 2, 4, 8], one row of the table each. "auto" covers all numbers:
-        0, 1, 2, 4, 8, 16, more where the shape of light changes fast, and up to 64 where it still changes. Default: the
-        model's own count.
+        0, 1, 2, 4, 8, 16, up to 64 where the shape of light still changes, more where the lobes lose it between. Default:
+        the model's own count.
     form
         "lobes": a mixture of K lobes. "document": the closed forms of the draft description, with `functions` and
         `defensive`.
@@ -130,9 +130,10 @@ def fit(
         nodes = document_nodes(counts, defensive, functions)
         ess = ess_of(targets, nodes.reshape(-1, *nodes.shape[2:]))
         lowest = _lowest(ess, np.repeat(counts, len(angles)), np.tile(angles, len(counts)))
-        found = _Table(nodes, targets.energy.reshape(len(counts), -1), True, lowest)
+        found = _Table(counts, nodes, targets.energy.reshape(len(counts), -1), True, lowest)
     else:
-        found = _fit_lobes(with_strands, counts, lobes, objective, family, report)
+        found = _fit_lobes(with_strands, counts, lobes, objective, family, report, more_rows=_is_auto(strands))
+        counts = found.strands
     seconds = time.perf_counter() - start
 
     about: dict[str, Any] = {"form": form, "objective": objective}
@@ -171,6 +172,7 @@ def fit(
 class _Table(NamedTuple):
     """A sampler's table, and what the fit learnt on the way; `doubtful` are places (strands, theta_r) of low ESS."""
 
+    strands: tuple[float, ...]
     nodes: Array
     energy: Array
     even: bool
@@ -182,14 +184,19 @@ def _lowest(ess: Array, strands: Array, theta_r: Array) -> list[tuple[float, flo
     return [(float(strands[k]), float(theta_r[k])) for k in np.argsort(ess)[:_DOUBTED]]
 
 
+def _is_auto(strands: Sequence[float] | str | None) -> bool:
+    return isinstance(strands, str) and strands == AUTO  # an array would compare by element
+
+
 def _counts(model: Any, strands: Sequence[float] | str | None) -> tuple[float, ...]:
     own = strands_of(model)
     if strands is None:
         return (own,)
     many = callable(getattr(model, "with_strands", None))
-    if strands == AUTO and many:
+    auto = _is_auto(strands)
+    if auto and many:
         return settled_rows(model)
-    counts = None if strands == AUTO else validate.strand_counts("strands", strands)
+    counts = None if auto else validate.strand_counts("strands", strands)
     if counts is None or (counts != (own,) and not many):
         raise TypeError(f"{type(model).__name__} knows no strands: leave strands out, or give a model with with_strands(n)")
     return counts
@@ -202,25 +209,34 @@ def _fit_lobes(
     objective: str,
     family: str,
     report: Progress,
+    *,
+    more_rows: bool,
 ) -> _Table:
     # Direct light and light through strands have different shapes: two groups, each smooth within.
     groups = [g for g in (tuple(n for n in counts if n == 0), tuple(n for n in counts if n > 0)) if g]
     points: list[Points] = []
+
+    def look(strands: Sequence[float], known: Points | None = None) -> Points:
+        dense = lobes is None or lobes <= _DENSE
+        return make_points(with_strands, strands, objective, family, dense=dense, known=known)
+
     for g in groups:
         report("tabulating", 0.2 * len(points) / len(groups))
-        points.append(make_points(with_strands, g, objective, family, dense=lobes is None or lobes <= _DENSE))
+        points.append(look(g))
     candidates: tuple[Candidate, ...] = ()
     if lobes is None:
         lobes, candidates = _choose_lobes(points, report)
     tables, done = [], 0.3
-    for p in points:
+    for i, p in enumerate(points):
         share = 0.5 * len(p.on_nodes) / len(counts)
-        tables.append(to_natural(fit_table(p, lobes, part(report, done, share))))
+        points[i], u = fit_table(p, lobes, part(report, done, share), look if more_rows else None)
+        tables.append(to_natural(u))
         done += share
     energy = np.concatenate([p.targets.energy[p.on_nodes] for p in points])
     ess = np.concatenate([ess_of(p.targets, p.natural(x)) for p, x in zip(points, tables, strict=True)])
     lowest = _lowest(ess, *(np.concatenate([getattr(p, name) for p in points]) for name in ("strands", "theta_r")))
-    return _Table(np.concatenate(tables), energy, points[0].targets.even, lowest, candidates)
+    rows = tuple(float(n) for p in points for n in p.rows)
+    return _Table(rows, np.concatenate(tables), energy, points[0].targets.even, lowest, candidates)
 
 
 def _choose_lobes(points: Sequence[Points], report: Progress) -> tuple[int, tuple[Candidate, ...]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import combinations
 
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from cuticle._support.progress import Progress
 from cuticle.fitting.mixture import Array, confine, from_natural, loss, solve_each, to_natural
-from cuticle.fitting.points import THETA_NODES, Points
+from cuticle.fitting.points import THETA_NODES, Points, shares
 from cuticle.fitting.polish import polish
 from cuticle.fitting.targets import Targets
 from cuticle.sampling.families import mixture_density
@@ -20,16 +21,22 @@ _START = THETA_NODES // 2
 _LOST = 0.05  # ½ (1/ESS - 1): ESS below .91 at one viewer, where its neighbour was well fitted
 _LEAST = 1e-4  # of ½ (1/ESS - 1) that an exchange of two lobes gains
 _STEPS = 30  # of a polish, at most
+_UNFOLLOWED = 0.0076  # ½ (1/ESS - 1) between two rows: ESS below .985
+_HEAVY = 3e-4  # price of large weights between two rows
+_HALVINGS = 2  # of the gap between two rows
 _GROWN = 4  # lobes up to which growing one by one may find more than splitting does
 
 
-def fit_table(points: Points, lobes: int, progress: Progress) -> Array:
-    """Return the table u (rows, nodes, 5, K).
+def fit_table(
+    points: Points, lobes: int, progress: Progress, again: Callable[[Sequence[float], Points], Points] | None = None
+) -> tuple[Points, Array]:
+    """Return where the fit looked in the end, and the table u (rows, nodes, 5, K).
 
     Lobes double from a table of two, by splits and a polish: the new table starts where the old one was, for all viewers and
     counts, so more lobes do no worse anywhere. Up to four they also grow one by one at normal view, which finds more of the
     peaks of a single row; the better of both is kept. Coarse grids lead the way, and rows an octave apart: those between are
-    interpolated first, for each by itself can hold other lobes than its neighbours.
+    interpolated first, for each by itself can hold other lobes than its neighbours. `again` returns the points of other strand
+    counts: with it, rows are added halfway where lobes cannot follow the light from row to row.
     """
     coarse = replace(points, targets=points.targets.coarser())
     few, insert = coarse.octaves()
@@ -45,7 +52,32 @@ def fit_table(points: Points, lobes: int, progress: Progress) -> Array:
         u = relabel(few, u) if more <= _GROWN else u  # what a split adds has one order
     if len(u) < len(points.on_nodes):
         u = polish(coarse, np.tensordot(insert, u, 1), steps)
-    return polish(points, u, steps, lambda f: progress("polishing", 0.5 + 0.5 * f))
+    for _ in range(_HALVINGS if again and len(u) > 1 else 0):
+        rows, insert = _halved_gaps(points, u)
+        if len(rows) == len(u):
+            break
+        points = again(rows, points)
+        coarse = replace(points, targets=points.targets.coarser())
+        u = polish(coarse, np.tensordot(insert, u, 1), steps)
+    return points, polish(points, u, steps, lambda f: progress("polishing", 0.5 + 0.5 * f))
+
+
+def _halved_gaps(points: Points, u: Array) -> tuple[list[float], Array]:
+    """Return the rows, with one more in each gap where the lobes lose the light that they hold at either end; and what
+    interpolates a table to them, (new rows, rows).
+    """
+    x = points.natural(to_natural(u))
+    losses = loss(points.targets, x, bounded=False)
+    gap, between = points.row.astype(np.intp), points.row % 1 > 0
+    place = np.searchsorted(np.unique(points.node), points.node)
+    lost = np.zeros(len(gap), bool)
+    for found, least in ((losses, _UNFOLLOWED), (loss(points.targets, x) - losses, _HEAVY)):
+        at_rows = found[points.on_nodes] @ points.by_node.T  # (rows, node places)
+        ends = np.minimum(at_rows[gap, place], at_rows[np.minimum(gap + 1, len(at_rows) - 1), place])
+        lost |= between & (found > np.maximum(least, 2 * ends))
+    rows = points.rows
+    more = np.sort(np.concatenate([rows, [0.5 * (rows[g] + rows[g + 1]) for g in np.unique(gap[lost])]]))
+    return list(more), shares(np.interp(more, rows, np.arange(len(rows))), len(rows))
 
 
 def _carried(points: Points, lobes: int) -> Array:

@@ -38,6 +38,11 @@ class Targets(NamedTuple):
         arrays = [np.ascontiguousarray(a[i]) for a in self[:6]]
         return Targets(arrays[0], arrays[1], arrays[2], arrays[3], arrays[4], arrays[5], self.even, self.family)
 
+    def and_of(self, other: Targets) -> Targets:
+        """Return these targets, then the others."""
+        c = [np.concatenate(pair) for pair in zip(self[:6], other[:6], strict=True)]
+        return Targets(c[0], c[1], c[2], c[3], c[4], c[5], self.even, self.family)
+
     def coarser(self) -> Targets:
         """Return the targets on a grid of half as many points along each angle: each stands for two."""
 
