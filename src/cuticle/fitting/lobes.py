@@ -35,7 +35,7 @@ def fit_table(
     Lobes double from a table of two, by splits and a polish: the new table starts where the old one was, for all viewers and
     counts, so more lobes do no worse anywhere. Up to four they also grow one by one at normal view, which finds more of the
     peaks of a single row; the better of both is kept. Coarse grids lead the way, and rows an octave apart: those between are
-    interpolated first, for each by itself can hold other lobes than its neighbours. `again` returns the points of other strand
+    interpolated first, for each by itself can hold other lobes than its neighbours. `again` returns the points of other
     counts: with it, rows are added halfway where lobes cannot follow the light from row to row.
     """
     coarse = replace(points, targets=points.targets.coarser())
