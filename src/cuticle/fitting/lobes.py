@@ -52,7 +52,9 @@ def fit_table(
         u = relabel(few, u) if more <= _GROWN else u  # what a split adds has one order
     if len(u) < len(points.on_nodes):
         u = polish(coarse, np.tensordot(insert, u, 1), steps)
-    for _ in range(_HALVINGS if again and len(u) > 1 else 0):
+    for _ in range(_HALVINGS):
+        if again is None or len(u) == 1:
+            break
         rows, insert = _halved_gaps(points, u)
         if len(rows) == len(u):
             break
