@@ -21,7 +21,7 @@ _LEAST_LOGIT = -9.0
 # Far out, where f is small, ESS does not see a lobe's tail fall below it. A weight f cos/(p ∫ f cos) of r times the first
 # number costs ½ the second times the mean of ln² r over theta and phi: little ESS, and few weights are three times as large.
 _ALLOWED_WEIGHT = 12.0
-_PRICE = 1.5
+_PRICE = 1.0
 
 
 def to_natural(u: Array) -> Array:
