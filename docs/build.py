@@ -52,16 +52,22 @@ def signed(x: float, digits: int) -> str:
     return f"{x:.{digits}f}".replace("-", "−")
 
 
+def table_3_row(model: cuticle.DualScattering, theta_r: float, cosines: int = 2) -> tuple[float, float, float]:
+    """Return sigma (rad), shift (degrees) and scale of the Gaussian along theta_i; theta_r in degrees."""
+    t = near_pole(theta_r)
+    g = fit_gaussian(around(model, t, cosines), -math.pi / 2, math.pi / 2, window=0.0)
+    assert g is not None
+    return g.sigma, math.degrees(g.mean + t), g.scale
+
+
 def table_3_differences(model: cuticle.DualScattering, printed: Printed, strands: float, cosines: int) -> np.ndarray:
     """Return rms of sigma (rad) and shift (degrees), and the median ratio of scales, to the printed rows up to 60°."""
     own, rows = model.with_strands(strands), []
     for (n, theta_r), (scale, sigma, shift) in printed.table_3.items():
         if n != strands or abs(theta_r) > 60:
             continue
-        t = near_pole(theta_r)
-        g = fit_gaussian(around(own, t, cosines), -math.pi / 2, math.pi / 2, window=0.0)
-        assert g is not None
-        rows.append((g.sigma - sigma, math.degrees(g.mean + t) - shift, g.scale / scale))
+        row = table_3_row(own, theta_r, cosines)
+        rows.append((row[0] - sigma, row[1] - shift, row[2] / scale))
     d = np.array(rows)
     return np.array([*np.sqrt(np.mean(d[:, :2] ** 2, axis=0)), np.median(d[:, 2])])
 
@@ -91,16 +97,14 @@ def transported(d: cuticle.Document, printed: Printed) -> dict[str, Any]:
     models = (d.model, cuticle.DualScattering(d.model.fibre.replace(formulation="exact")))
     rows = []
     for strands in (1.0, 2.0, 4.0, 8.0):
-        found = []
-        for (n, theta_r), (scale, sigma, shift) in printed.table_3.items():
-            if n != strands or abs(theta_r) > 60:
-                continue
-            t = near_pole(theta_r)
-            curves = [around(m.with_strands(n), t) for m in models]
-            gaussians = [fit_gaussian(c, -math.pi / 2, math.pi / 2, window=0.0) for c in curves]
-            values = [(g.sigma, math.degrees(g.mean + t), g.scale) for g in gaussians if g is not None]
-            found.append([(sigma, shift, scale), *values])
-        f = np.array(found)
+        through = [m.with_strands(strands) for m in models]
+        f = np.array(
+            [
+                [(sigma, shift, scale), *(table_3_row(m, theta_r) for m in through)]
+                for (n, theta_r), (scale, sigma, shift) in printed.table_3.items()
+                if n == strands and abs(theta_r) <= 60
+            ]
+        )
         sigmas, slopes = f[:, :, 0].mean(axis=0), np.ptp(f[:, :, 1], axis=0)
         cells = [*(f"{x:.2f}" for x in sigmas), *(f"{x:.0f}°" for x in slopes), f"{np.median(f[:, 2, 2] / f[:, 0, 2]):.2g}"]
         rows.append({"n": f"{strands:g}", "cells": cells})

@@ -50,7 +50,7 @@ def two_lobes(theta: Array, energy: Array) -> Array:
     axis, variance = axis_and_variance(*np.moveaxis(share @ _sines(theta)[:, 1:], -1, 0))
     out = np.stack([np.full(total.shape, 0.5), axis, variance, axis, variance], axis=-1)
     lit = total > _DARK
-    out[lit] = _likeliest(theta, share[lit], out[lit])
+    out[lit] = _fitted(theta, share[lit], out[lit])
     return out
 
 
@@ -126,7 +126,7 @@ def _weighted(theta: Array, lobes: Array) -> tuple[Array, Array]:
     return share * m[..., 0, :], (1 - share) * m[..., 1, :]
 
 
-def _likeliest(theta: Array, energy: Array, single: Array) -> Array:
+def _fitted(theta: Array, energy: Array, single: Array) -> Array:
     """The mixtures for energies out of 1, shape (n, rows), from single M's given as mixtures.
 
     The last step is an ordinary one, and exact: the means are then the energies'.
