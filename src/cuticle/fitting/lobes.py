@@ -58,6 +58,7 @@ def fit_table(
         rows, insert = _halved_gaps(points, u)
         if len(rows) == len(u):
             break
+        progress(f"adding {len(rows) - len(u)} rows", 0.5)
         points = again(rows, points)
         coarse = replace(points, targets=points.targets.coarser())
         u = polish(coarse, np.tensordot(insert, u, 1), steps)
@@ -71,7 +72,7 @@ def _halved_gaps(points: Points, u: Array) -> tuple[list[float], Array]:
     x = points.natural(to_natural(u))
     losses = loss(points.targets, x, bounded=False)
     gap, between = points.row.astype(np.intp), points.row % 1 > 0
-    place = np.searchsorted(np.unique(points.node), points.node)
+    place = np.nonzero(points.seen)[1]
     lost = np.zeros(len(gap), bool)
     for found, least in ((losses, _UNFOLLOWED), (loss(points.targets, x) - losses, _HEAVY)):
         at_rows = found[points.on_nodes] @ points.by_node.T  # (rows, node places)
