@@ -137,8 +137,8 @@ template <typename Float, typename Spectrum> class DualScattering final : public
         const dr::suspend_grad<Float> still;
         const auto size = sensor->film()->crop_size();
         const uint64_t samples = uint64_t(size.x()) * size.y() * (spp ? spp : sensor->sampler()->sample_count());
-        // Unless the scene says how many: until they know the brightness to 1 %, at most one for 8 samples of the picture.
-        const uint64_t most = m_paths > 0 ? uint64_t(m_paths) : std::max<uint64_t>(samples / 8, 1 << 12);
+        // Unless the scene says how many: until they know the brightness to 1 %, at most one for 16 samples of the picture.
+        const uint64_t most = m_paths > 0 ? uint64_t(m_paths) : std::max<uint64_t>(samples / 16, 1 << 12);
         // Traced arrays take a round's rays at once, scalar code a block of them for each task.
         constexpr bool wide = dr::is_jit_v<Float>;
         std::vector<typename Ratio::Sample> found;
