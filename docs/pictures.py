@@ -28,6 +28,7 @@ from cuticle.render.compare import compare_samplings
 from cuticle.render.picture import over_backdrop, render, srgb
 from cuticle.render.scene import Light, View, bsdf, bust_shape, integrator, load_scene, mitsuba
 from cuticle.sampling.quality import UniformSphere, measure
+from cuticle.scattering.conventions import sigma_a_of_pigment
 from cuticle.scattering.marschner import Marschner
 
 IMAGES = Path(__file__).parent / "images"
@@ -133,6 +134,33 @@ def varied(mi: Any, data: Path) -> None:
     write_bytes(IMAGES / "varied.png", png(srgb(np.concatenate(images, axis=1))))
 
 
+def one_fit(mi: Any, data: Path) -> None:
+    """Hair that varies in melanin and roughness, beside one fit of its mean fibre, of which melanin alone can vary."""
+    from cuticle.mitsuba import strand_texture
+
+    groom, bust = sintel(data)
+    hair = vary(groom, melanin=0.7, redness=0.15, roughness=0.25, clumping=0.5, melanin_spread=0.8, roughness_spread=0.6)
+    mean = {name: float(values.mean()) for name, values in hair.attributes.items()}
+    green = sigma_a_of_pigment(hair.attributes["eumelanin"], hair.attributes["pheomelanin"])[..., 1]
+    scale = green / sigma_a_of_pigment(mean["eumelanin"], mean["pheomelanin"])[1]
+    darker = strand_texture(groom.with_attributes(scale=scale), "scale")
+    view = View(azimuth=-40, elevation=4, width=440, height=520, fov=20, zoom=0.85)
+    images, seconds = [], 0.0
+    for curves, material in ((groom, {"type": "cuticle", "sampling": "lobes", "scale": darker, **mean}),
+                             (hair, {"type": "cuticle"})):  # fmt: skip
+        scene = load_scene(
+            mi, curves, material, view=view, light=Light("studio"), technique=integrator("path", depth=32),
+            others={"bust": bust_shape(mi, bust, 0.06)},
+        )  # fmt: skip
+        a_sample = render(scene, 4, seed=1).seconds / 4
+        seconds = seconds or 64 * a_sample
+        with progress_bar() as progress:
+            done = render(scene, max(1, round(seconds / a_sample)), progress=progress)
+        print(f"{'one fit' if curves is groom else 'any fibre'}: {done.seconds:.0f} s")
+        images.append(over_backdrop(done.image * np.array([1.15] * 3 + [1])))
+    write_bytes(IMAGES / "one_fit.png", png(srgb(np.concatenate(images, axis=1))))
+
+
 def equal_time(data: Path) -> None:
     ess_of_brown()
     tail = ponytail(data).with_followers(8, 0.3, tip_spread=0.8).with_thickness(0.05, 0.02)
@@ -215,6 +243,7 @@ def main() -> None:
     pictures: dict[str, Callable[[], None]] = {
         "heads": lambda: heads(mi, data),
         "varied": lambda: varied(mi, data),
+        "one_fit": lambda: one_fit(mi, data),
         "equal_time": lambda: equal_time(data),
         "beside_paths": lambda: beside_paths(mi, data),
         "textured": lambda: textured(mi),

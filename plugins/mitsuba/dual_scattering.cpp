@@ -25,8 +25,8 @@
 
 #include "brightness.h"
 #include "cuticle/cuticle.h"
-#include "strands.h"
-#include "strands_around.h"
+#include "light_through_hair.h"
+#include "technique_chances.h"
 #include "variants.h"
 
 NAMESPACE_BEGIN(mitsuba)
@@ -39,15 +39,17 @@ template <typename Float, typename Spectrum> class DualScattering final : public
     DualScattering(const Properties &props) : Base(props) {
         const std::string counter = props.get<std::string>("counter", "grid");
         if (counter != "grid" && counter != "trace") Throw("counter must be grid or trace, got %s", counter);
-        m_around.trace = counter == "trace";
+        m_light.around.trace = counter == "trace";
         const std::string behind = props.get<std::string>("behind", "counted");
         if (behind != "counted" && behind != "half_space") Throw("behind must be counted or half_space, got %s", behind);
-        m_around.behind = behind == "counted";
-        m_around.cells = whole(props, "cells", 64, 1, 512);
-        m_around.most = whole(props, "max_strands", 64, 1, 10000);
+        m_light.around.behind = behind == "counted";
+        m_light.around.cells = whole(props, "cells", 64, 1, 512);
+        m_light.around.most = whole(props, "max_strands", 64, 1, 10000);
         const int shading = whole(props, "shading_samples", 1, 1, 1024);
         m_emitter_samples = whole(props, "emitter_samples", shading, 0, 1024);
         m_bsdf_samples = whole(props, "bsdf_samples", shading, 0, 1024);
+        m_choose = !props.has_property("shading_samples") && !props.has_property("emitter_samples") &&
+                   !props.has_property("bsdf_samples");
         m_bounces = whole(props, "bounces", 0, 0, 1000);
         m_paths = whole(props, "correction_paths", m_bounces > 0 ? 0 : -1, -1, 1 << 24);
         if (m_bounces > 0 && m_paths != 0)
@@ -57,8 +59,8 @@ template <typename Float, typename Spectrum> class DualScattering final : public
     }
 
     TensorXf render(Scene *scene, Sensor *sensor, UInt32 seed, uint32_t spp, bool develop, bool evaluate) override {
-        m_around.forget();
-        m_around.prepare(scene);
+        m_light.around.forget();
+        m_light.around.prepare(scene);
         compare(scene, sensor, seed, spp);
         return Base::render(scene, sensor, seed, spp, develop, evaluate);
     }
@@ -66,11 +68,11 @@ template <typename Float, typename Spectrum> class DualScattering final : public
     std::pair<Spectrum, Mask> sample(const Scene *scene, Sampler *sampler, const RayDifferential3f &ray, const Medium *,
                                      Float *, Mask active) const override {
         MI_MASKED_FUNCTION(ProfilerPhase::SamplingIntegratorSample, active);
-        m_around.prepare(scene);
+        m_light.around.prepare(scene);
         auto [path, si] = trace(scene, sampler, ray, m_bounces, active);
         Spectrum last = lit(scene, sampler, si, path);
         if (m_ratio.known() && dr::any_or<true>(path.going)) {
-            const Mask hair = path.going && m_around.is_hair(si.bsdf(path.ray));
+            const Mask hair = path.going && m_light.around.is_hair(si.bsdf(path.ray));
             last[hair] *= ratio(si.p, hair);
         }
         path.result[path.going] += path.throughput * last;
@@ -79,27 +81,36 @@ template <typename Float, typename Spectrum> class DualScattering final : public
 
     std::string to_string() const override {
         std::ostringstream out;
-        out << "DualScattering[" << std::endl << "  counter = " << (m_around.trace ? "trace" : "grid") << "," << std::endl;
-        if (m_around.trace) out << "  max_strands = " << m_around.most << "," << std::endl;
-        else out << "  cells = " << m_around.cells << "," << std::endl;
+        out << "DualScattering[" << std::endl
+            << "  counter = " << (m_light.around.trace ? "trace" : "grid") << "," << std::endl;
+        if (m_light.around.trace) out << "  max_strands = " << m_light.around.most << "," << std::endl;
+        else out << "  cells = " << m_light.around.cells << "," << std::endl;
         out << "  bounces = " << m_bounces << "," << std::endl << "  correction_paths = ";
         if (m_paths < 0) out << "by the picture's size," << std::endl;
         else out << m_paths << "," << std::endl;
-        out << "  behind = " << (m_around.behind ? "counted" : "half_space") << "," << std::endl;
-        out << "  emitter_samples = " << m_emitter_samples << "," << std::endl
-            << "  bsdf_samples = " << m_bsdf_samples << std::endl
-            << "]";
+        out << "  behind = " << (m_light.around.behind ? "counted" : "half_space") << "," << std::endl;
+        const auto samples = [&](int fixed, float chance) {
+            if (!m_choose) out << fixed;
+            else if (m_chances_known) out << chance << ", by the scene's light";
+            else out << "by the scene's light";
+        };
+        out << "  emitter_samples = ";
+        samples(m_emitter_samples, m_chances.emitter);
+        out << "," << std::endl << "  bsdf_samples = ";
+        samples(m_bsdf_samples, m_chances.bsdf);
+        out << std::endl << "]";
         return out.str();
     }
 
     MI_DECLARE_CLASS(DualScattering)
 
   private:
-    using Around = typename StrandsAround<Float, Spectrum>::Around;
+    using Lit = typename LightThroughHair<Float, Spectrum>::Lit;
     // A spectrum's three colours or, where its wavelengths are a ray's own, their mean.
     static constexpr size_t channels = is_rgb_v<Spectrum> ? 3 : 1;
     using Ratio = cuticle_mitsuba::BrightnessRatio<Float, channels>;
     using Colours = std::array<Float, channels>;
+    using TechniqueChoice = cuticle_mitsuba::TechniqueChoice;
 
     // From the sensor to where `ray` leads: `length` segments so far, and the sum of the light that they have met. `ray`
     // left `from`, in a direction drawn with the density pdf; none for the sensor's own.
@@ -130,41 +141,59 @@ template <typename Float, typename Spectrum> class DualScattering final : public
         return {path, si};
     }
 
-    // What paths from the sensor are brighter by than dual scattering where they meet hair.
+    // What rays of the sensor that meet hair have found.
+    struct Found {
+        std::vector<typename Ratio::Sample> samples;
+        TechniqueChoice choice;
+    };
+
+    // Before the picture: what paths are brighter by than dual scattering where rays of the sensor meet hair, and which
+    // technique finds its light.
     void compare(Scene *scene, Sensor *sensor, const UInt32 &seed, uint32_t spp) {
         m_ratio.forget();
-        if (!m_around.some_hair() || m_bounces > 0 || m_paths == 0) return;
+        m_chances_known = false;
+        const bool paths = m_bounces == 0 && m_paths != 0;
+        if (!m_light.around.some_hair() || !(paths || m_choose)) return;
         const dr::suspend_grad<Float> still;
         const auto size = sensor->film()->crop_size();
         const uint64_t samples = uint64_t(size.x()) * size.y() * (spp ? spp : sensor->sampler()->sample_count());
         // Unless the scene says how many: until they know the brightness to 1 %, at most one for 16 samples of the picture.
-        const uint64_t most = m_paths > 0 ? uint64_t(m_paths) : std::max<uint64_t>(samples / 16, 1 << 12);
+        uint64_t most = std::max<uint64_t>(samples / 16, 1 << 12);
+        if (!paths) most = 1 << 12;
+        else if (m_paths > 0) most = uint64_t(m_paths);
         // Traced arrays take a round's rays at once, scalar code a block of them for each task.
         constexpr bool wide = dr::is_jit_v<Float>;
-        std::vector<typename Ratio::Sample> found;
-        for (uint64_t done = 0; done < most && (m_paths > 0 || !(Ratio::error(found) <= .01));) {
+        Found found;
+        for (uint64_t done = 0; done < most && (m_paths > 0 || !(Ratio::error(found.samples) <= .01));) {
             const uint32_t count = uint32_t(std::min<uint64_t>(most - done, wide ? 1 << 16 : 1 << 12));
             const uint32_t block = wide ? count : 64, blocks = (count + block - 1) / block;
-            std::vector<std::vector<typename Ratio::Sample>> parts(blocks);
+            std::vector<Found> parts(blocks);
             const auto part = [&](uint32_t k) {
                 ref<Sampler> sampler = PluginManager::instance()->create_object<Sampler>(Properties("independent"));
                 sampler->seed(sample_tea_32<UInt32>(seed, UInt32(uint32_t(done) + k)).first, block);
-                for (uint32_t ray = 0; ray < (wide ? 1 : block); ++ray) collect(scene, sensor, sampler.get(), parts[k]);
+                for (uint32_t ray = 0; ray < (wide ? 1 : block); ++ray)
+                    collect(scene, sensor, sampler.get(), paths, parts[k]);
             };
             if constexpr (wide) part(0);
             else
                 dr::parallel_for(dr::blocked_range<uint32_t>(0, blocks), [&](const auto &range) {
                     for (const uint32_t k : range) part(k);
                 });
-            for (const auto &samples : parts) found.insert(found.end(), samples.begin(), samples.end());
+            for (const Found &part : parts) {
+                found.samples.insert(found.samples.end(), part.samples.begin(), part.samples.end());
+                found.choice += part.choice;
+            }
             done += count;
         }
-        m_ratio.measure(found, m_around.box());
+        if (paths) m_ratio.measure(found.samples, m_light.around.box());
+        if (m_choose) {
+            m_chances = found.choice.best(wide);
+            m_chances_known = true;
+        }
     }
 
-    // The light of a path and of dual scattering along the same ray of the sensor, where it meets hair.
-    void collect(const Scene *scene, const Sensor *sensor, Sampler *sampler,
-                 std::vector<typename Ratio::Sample> &found) const {
+    // Along a ray of the sensor that meets hair: dual scattering's light and, with `paths`, a path's.
+    void collect(const Scene *scene, const Sensor *sensor, Sampler *sampler, bool paths, Found &found) const {
         const Float time = sensor->shutter_open() + sensor->shutter_open_time() * sampler->next_1d();
         const Float wavelength = sampler->next_1d();
         const Point2f position = sampler->next_2d();
@@ -172,16 +201,38 @@ template <typename Float, typename Spectrum> class DualScattering final : public
         auto [none, si] = trace(scene, sampler, ray, 0, true);
         Mask hair = none.going;
         if (dr::none_or<false>(hair)) return;
-        hair &= m_around.is_hair(si.bsdf(ray));
+        const BSDFPtr bsdf = si.bsdf(ray);
+        hair &= m_light.around.is_hair(bsdf);
         if (dr::none_or<false>(hair)) return;
-        // Paths cost several times as much.
-        Spectrum sum(0.f);
-        for (int k = 0; k < 4; ++k) sum += lit(scene, sampler, si, none);
-        const Colours dual = colours(unpolarized_spectrum(weight * sum * .25f));
+        const Lit of_emitter = m_light.toward_emitter(scene, sampler, si, bsdf, hair, true, hair && m_emitter_samples > 0),
+                  of_bsdf = m_light.as_bsdf_draws(scene, sampler, si, bsdf, hair, true, hair && m_bsdf_samples > 0);
+        const auto both = [&](float emitters, float bsdfs) {
+            return std::pair(of_emitter.weighed(emitters, bsdfs), of_bsdf.weighed(emitters, bsdfs));
+        };
+        for (size_t k = 0; k < TechniqueChoice::choices.size(); ++k) {
+            const auto [p, q] = TechniqueChoice::choices[k];
+            const auto [first, second] = both(p, q);
+            const Float a = brightness(first), b = brightness(second);
+            found.choice.squares[k] += total(dr::select(hair, p * a * a + q * b * b + 2 * p * q * a * b, 0.f));
+        }
+        if (!paths) return;
+        const auto [first, second] = both(float(m_emitter_samples > 0), float(m_bsdf_samples > 0));
         auto [path, end] = trace(scene, sampler, ray, path_bounces, hair);
         const Spectrum rest = path.throughput * lit(scene, sampler, end, path);
-        const Colours full = colours(unpolarized_spectrum(weight * (path.result + dr::select(path.going, rest, 0.f))));
-        Ratio::collect(hair, si.p, full, dual, found);
+        const Colours full = colours(unpolarized_spectrum(weight * (path.result + dr::select(path.going, rest, 0.f)))),
+                      dual = colours(unpolarized_spectrum(weight * (first + second)));
+        Ratio::collect(hair, si.p, full, dual, found.samples);
+    }
+
+    static Float brightness(const Spectrum &s) { return dr::mean(unpolarized_spectrum(s)); }
+    static double total(const Float &x) {
+        if constexpr (dr::is_jit_v<Float>) {
+            const auto sum = dr::migrate(dr::detach(dr::sum(x)), JitBackend::None);
+            dr::sync_thread();
+            return double(sum[0]);
+        } else {
+            return double(x);
+        }
     }
 
     static Colours colours(const UnpolarizedSpectrum &s) {
@@ -258,58 +309,19 @@ template <typename Float, typename Spectrum> class DualScattering final : public
         Spectrum result(0.f);
         if (dr::none_or<false>(active)) return result;
         const BSDFPtr bsdf = si.bsdf(path.ray);
-        const auto flags = bsdf->flags();
-        const Mask hair = active && (flags & cuticle_mitsuba::hair_flag) != 0u, seen = path.length == 0u;
-        // What the two techniques' densities are weighted with.
-        const ScalarFloat total = ScalarFloat(m_emitter_samples + m_bsdf_samples);
-        const ScalarFloat emitter_share = ScalarFloat(m_emitter_samples) / total, bsdf_share = 1 - emitter_share;
-
-        const Mask smooth = active && has_flag(flags, BSDFFlags::Smooth);
-        for (int k = 0; k < m_emitter_samples; ++k) {
-            auto [ds, light] = scene->sample_emitter_direction(si, sampler->next_2d(smooth), false, smooth);
-            Mask lit = smooth && ds.pdf != 0.f;
-            if (dr::none_or<false>(lit)) continue;
-            const Ray3f toward = si.spawn_ray_to(ds.p);
-            const Around around = m_around.strands_between(scene, toward, hair, seen, lit, sampler);
-            const Vector3f wo = si.to_local(ds.d);
-            auto [value, pdf] = eval_pdf(bsdf, si, wo, around, hair, lit);
-            value = si.to_world_mueller(value, -wo, si.wi) * m_around.transmittance(scene, toward, lit && !hair, sampler);
-            const Float weight = dr::select(ds.delta, Float(1.f), power(ds.pdf * emitter_share, pdf * bsdf_share)) /
-                                 ScalarFloat(m_emitter_samples);
-            result[lit] += weight * value * light;
+        const Mask hair = active && m_light.around.is_hair(bsdf), seen = path.length == 0u;
+        Mask try_emitter = active, try_bsdf = active;
+        Float emitters = ScalarFloat(m_emitter_samples), bsdfs = ScalarFloat(m_bsdf_samples);
+        if (m_chances_known) {
+            emitters = dr::select(hair, Float(m_chances.emitter), emitters);
+            bsdfs = dr::select(hair, Float(m_chances.bsdf), bsdfs);
+            try_emitter &= sampler->next_1d(active) < emitters;
+            try_bsdf &= sampler->next_1d(active) < bsdfs;
         }
-
-        for (int k = 0; k < m_bsdf_samples; ++k) {
-            const Float u = sampler->next_1d(active);
-            const Point2f u2 = sampler->next_2d(active);
-            // On hair f is evaluated once the direction, and with it n, is known: only wo and its pdf are used here.
-            auto [bs, value] = draw(bsdf, si, u, u2, hair, active);
-            Mask used = active && bs.pdf > 0.f && (hair || dr::any(unpolarized_spectrum(value) != 0.f));
-            const Ray3f toward = si.spawn_ray(si.to_world(bs.wo));
-            // A mirror shows the hair itself.
-            const Mask sharp = has_flag(bs.sampled_type, BSDFFlags::Delta);
-            const SurfaceInteraction3f si_light = m_around.beyond_hair(scene, toward, !sharp, used);
-            const EmitterPtr emitter = si_light.emitter(scene, used);
-            used &= emitter != nullptr;
-            if (dr::none_or<false>(used)) continue;
-            const Spectrum light = emitter->eval(si_light, used);
-            DirectionSample3f ds(scene, si_light, si);
-            const Float emitter_pdf = dr::select(sharp, 0.f, scene->pdf_emitter_direction(si, ds, used));
-            Ray3f up_to = toward;
-            up_to.maxt =
-                dr::select(si_light.is_valid(), si_light.t * (1.f - math::ShadowEpsilon<Float>), dr::Largest<Float>);
-            value *= m_around.transmittance(scene, up_to, used && !hair && !sharp, sampler);
-            if (dr::any_or<true>(hair && used)) {
-                // Beyond the hair nothing stands in the way: beyond_hair found the light itself.
-                const Around around = m_around.count(scene, up_to, seen, hair && used, sampler);
-                const Spectrum f = eval_pdf(bsdf, si, bs.wo, around, hair, hair && used).first;
-                value = dr::select(hair, f / bs.pdf, value);
-                used &= !hair || around.strands >= 0.f;
-            }
-            value = si.to_world_mueller(value, -bs.wo, si.wi);
-            result[used] +=
-                power(bs.pdf * bsdf_share, emitter_pdf * emitter_share) / ScalarFloat(m_bsdf_samples) * value * light;
-        }
+        for (int k = 0; k < m_emitter_samples; ++k)
+            result += m_light.toward_emitter(scene, sampler, si, bsdf, hair, seen, try_emitter).weighed(emitters, bsdfs);
+        for (int k = 0; k < m_bsdf_samples; ++k)
+            result += m_light.as_bsdf_draws(scene, sampler, si, bsdf, hair, seen, try_bsdf).weighed(emitters, bsdfs);
         return result;
     }
 
@@ -324,52 +336,15 @@ template <typename Float, typename Spectrum> class DualScattering final : public
         return dr::select(dr::isfinite(w), w, 0.f);
     }
 
-    std::pair<Spectrum, Float> eval_pdf(const BSDFPtr &bsdf, const SurfaceInteraction3f &si, const Vector3f &wo,
-                                        const Around &around, const Mask &hair, const Mask &active) const {
-        Spectrum value(0.f);
-        Float pdf(0.f);
-        const Mask on_hair = active && hair, elsewhere = active && !hair;
-        if (dr::any_or<true>(on_hair)) {
-            SurfaceInteraction3f si_n(si);
-            cuticle_mitsuba::set_around(si_n, around);
-            const auto context = cuticle_mitsuba::among_strands_context(m_around.trace ? 0u : cuticle_mitsuba::expected_bit);
-            const auto [v, p] = bsdf->eval_pdf(context, si_n, wo, on_hair);
-            value = dr::select(on_hair, v * m_around.other_kinds(bsdf, si, wo, around, on_hair), value);
-            pdf = dr::select(on_hair, p, pdf);
-        }
-        if (dr::any_or<true>(elsewhere)) {
-            const auto [v, p] = bsdf->eval_pdf(BSDFContext(), si, wo, elsewhere);
-            value = dr::select(elsewhere, v, value);
-            pdf = dr::select(elsewhere, p, pdf);
-        }
-        return {value, pdf};
-    }
-
-    std::pair<BSDFSample3f, Spectrum> draw(const BSDFPtr &bsdf, const SurfaceInteraction3f &si, const Float &u,
-                                           const Point2f &u2, const Mask &hair, const Mask &active) const {
-        BSDFSample3f sample = dr::zeros<BSDFSample3f>();
-        Spectrum value(0.f);
-        const Mask on_hair = active && hair, elsewhere = active && !hair;
-        if (dr::any_or<true>(on_hair)) {
-            const auto [s, v] = bsdf->sample(cuticle_mitsuba::among_strands_context(cuticle_mitsuba::direction_only_bit), si,
-                                             u, u2, on_hair);
-            dr::masked(sample, on_hair) = s;
-        }
-        if (dr::any_or<true>(elsewhere)) {
-            const auto [s, v] = bsdf->sample(BSDFContext(), si, u, u2, elsewhere);
-            dr::masked(sample, elsewhere) = s;
-            value = dr::select(elsewhere, v, value);
-        }
-        return {sample, value};
-    }
-
-    static constexpr int path_bounces = 16;  // of the paths that dual scattering is compared with
+    static constexpr int path_bounces = 8;  // of the paths that dual scattering is compared with; it lights their ends
     int m_bounces, m_emitter_samples, m_bsdf_samples;
-    int64_t m_paths;  // of these; by the picture's size where negative
+    int64_t m_paths;                         // of these; by the picture's size where negative
+    bool m_choose, m_chances_known = false;  // hair's techniques are used with chances
+    cuticle_mitsuba::TechniqueChances m_chances;
     Ratio m_ratio;
-    mutable StrandsAround<Float, Spectrum> m_around;
+    LightThroughHair<Float, Spectrum> m_light;
 
-    MI_TRAVERSE_CB(Base, m_around.grid.m_values, m_around.grid.m_rough_values)
+    MI_TRAVERSE_CB(Base, m_light.around.grid.m_values, m_light.around.grid.m_rough_values)
 };
 
 CUTICLE_EXPORT_PLUGIN(DualScattering)
