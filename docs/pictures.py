@@ -93,7 +93,7 @@ def heads(mi: Any, data: Path) -> None:
                 others=others,
                 framed=groom,
             )
-            layers.append(render(scene, 72, progress=progress).image)
+            layers.append(render(scene, 144, progress=progress).image)
     pitch = 330
     row = np.zeros((view.height, 4 * pitch + view.width, 4))
     for k in (0, 4, 1, 3, 2):  # the middle one in front

@@ -125,7 +125,10 @@ def test_emitter_and_bsdf_sampling_agree(kind: str, counter: str, ball: Groom, u
 
 @pytest.mark.parametrize(
     ("kind", "chosen"),
-    [("area", "emitter_samples = 1, by the scene's light,\n  bsdf_samples = 0.1"), ("env", "bsdf_samples = 1, by the scene's")],
+    [
+        ("area", "emitter_samples = 1, by the scene's light,\n  bsdf_samples = 0.1"),
+        ("env", "bsdf_samples = 1, by the scene's light"),
+    ],
 )
 def test_the_light_decides_on_the_technique(kind: str, chosen: str, ball: Groom, use_variant: UseVariant) -> None:
     mi = use_variant("scalar_rgb")
