@@ -22,7 +22,8 @@ namespace dr = drjit;
 // noise: by the share t² / (t² + v) of its difference from one, where v is its variance and t² what the parts of a level
 // differ by beyond v (empirical Bayes, as James and Stein's estimator). Of the whole box, which is one part, that would be a
 // guess: t is what grooms differ by. v comes from the noise of all samples: a part's own would be large where a bright path
-// fell, and such parts would be held down.
+// fell, and such parts would be held down. A path's variance is taken to grow with dual scattering's light squared, plus its
+// mean squared: light on crooked ways reaches what dual scattering hardly lights, too, and tells nothing of the ratio there.
 template <class Float, size_t Channels> class BrightnessRatio {
   public:
     using Colour = std::array<float, Channels>;
@@ -101,9 +102,9 @@ template <class Float, size_t Channels> class BrightnessRatio {
         const auto light = [&](size_t parts, const std::vector<float> &r) {
             return summed(samples, texture<float>(parts, r), 1).sums[0].dual;
         };
-        const Colour want = light(1, whole_box), got = light(side, ratios);
+        const Sum want = light(1, whole_box), got = light(side, ratios);
         for (size_t k = 0; k < ratios.size(); ++k)
-            if (got[k % Channels] > 0) ratios[k] *= want[k % Channels] / got[k % Channels];
+            if (got[k % Channels] > 0) ratios[k] *= float(want[k % Channels] / got[k % Channels]);
         m_ratios = texture<Float>(side, ratios);
     }
 
@@ -117,13 +118,14 @@ template <class Float, size_t Channels> class BrightnessRatio {
     static constexpr double usual = .15;  // what the ratio of a whole groom differs from one by
     static constexpr float most = 32;     // a ratio is held within 1/most and most
 
+    using Sum = std::array<double, Channels>;
     struct Sums {
-        Colour path{}, dual{};
-        float squares = 0;  // of the samples' dual
+        Sum path{}, dual{}, squares{};  // `squares`: of the samples' dual and of its mean
+        size_t count = 0;
     };
     struct Parts {
         std::vector<Sums> sums;
-        double noise;  // variance of a sample's path over its dual squared
+        double noise;  // variance of a sample's path over its `squares`
     };
 
     template <class F> static dr::Texture<F, 3> texture(size_t side, const std::vector<float> &ratios) {
@@ -142,47 +144,53 @@ template <class Float, size_t Channels> class BrightnessRatio {
     // Over `side` parts along each axis, with dual scattering's light times `ratios`.
     static Parts summed(const std::vector<Sample> &samples, const dr::Texture<float, 3> &ratios, size_t side) {
         Parts parts{std::vector<Sums>(side * side * side), 0};
-        double noise = 0, squares = 0;
+        Sum mean{};
+        double off = 0, squares = 0;
         for (const Sample &s : samples) {
             size_t k = 0;
             for (size_t a = 3; a-- > 0;) k = k * side + size_t(std::clamp(s.at[a] * float(side), 0.f, float(side) - .5f));
-            Colour dual = at(ratios, s.at);
+            Sums &part = parts.sums[k];
+            const Colour here = at(ratios, s.at);
             for (size_t c = 0; c < Channels; ++c) {
-                dual[c] *= s.dual[c];
-                parts.sums[k].path[c] += s.path[c];
-                parts.sums[k].dual[c] += dual[c];
+                const double path = s.path[c], dual = double(here[c]) * s.dual[c];
+                part.path[c] += path;
+                part.dual[c] += dual;
+                part.squares[c] += dual * dual;
+                mean[c] += dual / double(samples.size());
+                off += (path - dual) * (path - dual);
             }
-            const double light = sum(dual), off = sum(s.path) - light;
-            parts.sums[k].squares += float(light * light);
-            noise += off * off;
-            squares += light * light;
+            ++part.count;
         }
-        if (squares > 0) parts.noise = noise / squares;
+        for (Sums &part : parts.sums)
+            for (size_t c = 0; c < Channels; ++c) {
+                part.squares[c] += double(part.count) * mean[c] * mean[c];
+                squares += part.squares[c];
+            }
+        if (squares > 0) parts.noise = off / squares;
         return parts;
     }
 
     static std::vector<float> divided(const std::vector<Sample> &samples, const dr::Texture<float, 3> &whole, size_t side) {
         const Parts parts = summed(samples, whole, side);
-        const auto variance = [&](const Sums &part, float dual) { return parts.noise * part.squares / (dual * dual); };
         double excess = 0, weight = 0;
-        for (const Sums &part : parts.sums) {
-            const float dual = sum(part.dual);
-            if (!(dual > 0)) continue;
-            const double off = double(sum(part.path)) - dual;
-            excess += off * off - parts.noise * part.squares;
-            weight += double(dual) * dual;
-        }
+        for (const Sums &part : parts.sums)
+            for (size_t c = 0; c < Channels; ++c) {
+                const double off = part.path[c] - part.dual[c];
+                excess += off * off - parts.noise * part.squares[c];
+                weight += part.dual[c] * part.dual[c];
+            }
         const double between = side == 1 ? usual * usual : weight > 0 ? std::max(excess / weight, 0.) : 0.;
         std::vector<float> ratios;
         for (size_t k = 0; k < parts.sums.size(); ++k) {
             const auto middle = [&](size_t index) { return (float(index % side) + .5f) / float(side); };
             const Colour here = at(whole, {middle(k), middle(k / side), middle(k / side / side)});
             const Sums &part = parts.sums[k];
-            const float dual = sum(part.dual);
-            const float share = dual > 0 && between > 0 ? float(between / (between + variance(part, dual))) : 0.f;
             for (size_t c = 0; c < Channels; ++c) {
-                const float off = part.dual[c] > 0 ? part.path[c] / part.dual[c] - 1 : 0.f;
-                ratios.push_back(std::clamp(here[c] * (1 + share * off), 1 / most, most));
+                const double path = part.path[c], dual = part.dual[c];
+                const double certain = between * dual * dual, uncertain = parts.noise * part.squares[c];
+                // The share of certain in both times path / dual - 1, without a quotient by next to nothing.
+                const double off = certain > 0 ? between * dual * (path - dual) / (certain + uncertain) : 0.;
+                ratios.push_back(std::clamp(here[c] * float(1 + off), 1 / most, most));
             }
         }
         return ratios;

@@ -209,19 +209,29 @@ template <typename Float, typename Spectrum> class DualScattering final : public
         const auto both = [&](float emitters, float bsdfs) {
             return std::pair(of_emitter.weighed(emitters, bsdfs), of_bsdf.weighed(emitters, bsdfs));
         };
-        for (size_t k = 0; k < TechniqueChoice::choices.size(); ++k) {
+        std::array<Float, TechniqueChoice::choices.size()> squares;
+        for (size_t k = 0; k < squares.size(); ++k) {
             const auto [p, q] = TechniqueChoice::choices[k];
             const auto [first, second] = both(p, q);
             const Float a = brightness(first), b = brightness(second);
-            found.choice.squares[k] += total(dr::select(hair, p * a * a + q * b * b + 2 * p * q * a * b, 0.f));
+            squares[k] = dr::select(hair, p * a * a + q * b * b + 2 * p * q * a * b, 0.f);
         }
-        if (!paths) return;
-        const auto [first, second] = both(float(m_emitter_samples > 0), float(m_bsdf_samples > 0));
-        auto [path, end] = trace(scene, sampler, ray, path_bounces, hair);
-        const Spectrum rest = path.throughput * lit(scene, sampler, end, path);
-        const Colours full = colours(unpolarized_spectrum(weight * (path.result + dr::select(path.going, rest, 0.f)))),
-                      dual = colours(unpolarized_spectrum(weight * (first + second)));
-        Ratio::collect(hair, si.p, full, dual, found.samples);
+        Colours full{}, dual{};
+        if (paths) {
+            const auto [first, second] = both(float(m_emitter_samples > 0), float(m_bsdf_samples > 0));
+            auto [path, end] = trace(scene, sampler, ray, path_bounces, hair);
+            const Spectrum rest = path.throughput * lit(scene, sampler, end, path);
+            full = colours(unpolarized_spectrum(weight * (path.result + dr::select(path.going, rest, 0.f))));
+            dual = colours(unpolarized_spectrum(weight * (first + second)));
+        }
+        if constexpr (dr::is_jit_v<Float>) {  // one kernel for all of it
+            for (const Float &x : squares) dr::schedule(x);
+            for (size_t c = 0; c < channels; ++c) dr::schedule(full[c], dual[c]);
+            dr::schedule(hair, si.p);
+            dr::eval();
+        }
+        for (size_t k = 0; k < squares.size(); ++k) found.choice.squares[k] += total(squares[k]);
+        if (paths) Ratio::collect(hair, si.p, full, dual, found.samples);
     }
 
     static Float brightness(const Spectrum &s) { return dr::mean(unpolarized_spectrum(s)); }
