@@ -126,8 +126,8 @@ def test_rows_are_added_where_lobes_cannot_follow_the_light() -> None:
     """Between 32 and 64 strands four lobes lose a light that they hold at both."""
     model = DualScattering(TILTED)
 
-    def look(strands: Sequence[float], known: Points | None = None) -> Points:
-        return make_points(model.with_strands, strands, "luminance", "normal", dense=True, known=known)
+    def look(strands: Sequence[float], known: Points | None = None, nodes: int = 25) -> Points:
+        return make_points(model.with_strands, strands, "luminance", "normal", dense=True, nodes=nodes, known=known)
 
     def worst(points: Points, u: NDArray) -> float:
         nodes = to_natural(u)
@@ -141,8 +141,33 @@ def test_rows_are_added_where_lobes_cannot_follow_the_light() -> None:
     assert set(more.rows) > {32, 48, 64}
     assert worst(kept, u) < 0.965
     assert worst(more, v) > 0.975
-    for again, anew in zip(more.targets, look(more.rows).targets, strict=True):
+    for again, anew in zip(more.targets, look(more.rows, nodes=more.nodes).targets, strict=True):
         np.testing.assert_array_equal(again, anew)
+
+
+# At n = 16, -63.75°, four lobes had .974: two nodes held the light in two ways, each well.
+TWO_WAYS = Fibre(
+    alpha_R=-6.118668685280538, beta_R=14.243451418530695, beta_N=26.953863466016216, eta=1.6326691827418067,
+    sigma_a=(3.014615428021555, 4.351319109260933, 2.614121507208405),
+)  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("fibre", "places", "nodes"),
+    [(TWO_WAYS, [(16, -63.75), (8, -63.75), (1, -41)], 25), (TILTED, [(45, 50), (44, 48.75), (48, 51)], 49)],
+    ids=["two ways", "tilted"],
+)
+def test_neighbours_hold_the_light_in_the_same_way(fibre: Fibre, places: list[tuple[float, float]], nodes: int) -> None:
+    model = DualScattering(fibre)
+    found = fit(model, 4, strands="auto")
+    assert min(measure(found.sampler, model.with_strands(n), np.radians(t), n).ess for n, t in places) >= 0.98
+    assert found.sampler.nodes.shape[1] == nodes
+    # More nodes for other rows do not change direct light, which is fitted by itself.
+    direct, theta = fit(model, 4, strands=[0]).sampler, np.linspace(-1.5, 1.5, 40)
+    np.testing.assert_allclose(
+        found.sampler.pdf(theta, np.radians(50), 2.0, 0), direct.pdf(theta, np.radians(50), 2.0, 0), rtol=1e-9
+    )
 
 
 def test_counts_may_be_an_array() -> None:

@@ -16,7 +16,7 @@ from cuticle.fitting.closed_forms import THETA_NODES as DOCUMENT_NODES
 from cuticle.fitting.costs import traced_cost
 from cuticle.fitting.lobes import carry, fit_table, grow_at_start
 from cuticle.fitting.mixture import Array, ess_of, to_natural
-from cuticle.fitting.points import END, Points, make_points
+from cuticle.fitting.points import END, THETA_NODES, Points, make_points, with_nodes
 from cuticle.fitting.result import Candidate, Fit, Worst
 from cuticle.fitting.rows import settled_rows
 from cuticle.fitting.samplings import FORMS
@@ -58,8 +58,8 @@ def fit(
         Number of lobes K, 1 to 32. None chooses K by ESS per cost of a traced sample.
     strands
         Increasing strand counts to cover, such as [0, 1, 2, 4, 8], one row of the table each. "auto" covers all numbers:
-        0, 1, 2, 4, 8, 16, up to 64 where the shape of light still changes, more where the lobes lose it between. Default:
-        the model's own count.
+        0, 1, 2, 4, 8, 16, up to 64 where the shape of light still changes, more where the lobes lose it between, and 49
+        nodes for 25 where those are not enough. Default: the model's own count.
     form
         "lobes": a mixture of K lobes. "document": the closed forms of the draft description, with `functions` and
         `defensive`.
@@ -216,9 +216,9 @@ def _fit_lobes(
     groups = [g for g in (tuple(n for n in counts if n == 0), tuple(n for n in counts if n > 0)) if g]
     points: list[Points] = []
 
-    def look(strands: Sequence[float], known: Points | None = None) -> Points:
+    def look(strands: Sequence[float], known: Points | None = None, nodes: int = THETA_NODES) -> Points:
         dense = lobes is None or lobes <= _DENSE
-        return make_points(with_strands, strands, objective, family, dense=dense, known=known)
+        return make_points(with_strands, strands, objective, family, dense=dense, nodes=nodes, known=known)
 
     for g in groups:
         report("tabulating", 0.2 * len(points) / len(groups))
@@ -232,8 +232,10 @@ def _fit_lobes(
         points[i], u = fit_table(p, lobes, part(report, done, share), look if more_rows else None)
         tables.append(to_natural(u))
         done += share
-    energy = np.concatenate([p.targets.energy[p.on_nodes] for p in points])
     ess = np.concatenate([ess_of(p.targets, p.natural(x)) for p, x in zip(points, tables, strict=True)])
+    nodes = max(p.nodes for p in points)
+    energy = np.concatenate([p.energy_at_nodes(nodes) for p in points])
+    tables = [with_nodes(x, nodes) for x in tables]
     lowest = _lowest(ess, *(np.concatenate([getattr(p, name) for p in points]) for name in ("strands", "theta_r")))
     rows = tuple(float(n) for p in points for n in p.rows)
     return _Table(rows, np.concatenate(tables), energy, points[0].targets.even, lowest, candidates)

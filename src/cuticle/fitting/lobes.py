@@ -11,64 +11,95 @@ from numpy.typing import NDArray
 
 from cuticle._support.progress import Progress
 from cuticle.fitting.mixture import Array, confine, from_natural, loss, solve_each, to_natural
-from cuticle.fitting.points import THETA_NODES, Points, shares
+from cuticle.fitting.points import Points, shares
 from cuticle.fitting.polish import polish
 from cuticle.fitting.targets import Targets
 from cuticle.sampling.families import mixture_density
 from cuticle.sampling.lobe_table import MEAN_THETA, SIGMA_PHI, SIGMA_THETA, WEIGHT
 
-_START = THETA_NODES // 2
+Again = Callable[[Sequence[float], Points, int], Points]  # of strand counts, points known, nodes
 _LOST = 0.05  # ½ (1/ESS - 1): ESS below .91 at one viewer, where its neighbour was well fitted
 _LEAST = 1e-4  # of ½ (1/ESS - 1) that an exchange of two lobes gains
 _STEPS = 30  # of a polish, at most
 _UNFOLLOWED = 0.0076  # ½ (1/ESS - 1) between two rows: ESS below .985
 _HEAVY = 3e-4  # price of large weights between two rows
 _HALVINGS = 2  # of the gap between two rows
-_GROWN = 4  # lobes up to which growing one by one may find more than splitting does
+_GROWN = 4  # lobes up to which they are grown one by one
+_HELD = 0.0125  # ½ (1/ESS - 1) at the worst place, before the last polish: ESS .9756; else another row is the first
 
 
-def fit_table(
-    points: Points, lobes: int, progress: Progress, again: Callable[[Sequence[float], Points], Points] | None = None
-) -> tuple[Points, Array]:
+def fit_table(points: Points, lobes: int, progress: Progress, again: Again | None = None) -> tuple[Points, Array]:
     """Return where the fit looked in the end, and the table u (rows, nodes, 5, K).
 
-    Lobes double from a table of two, by splits and a polish: the new table starts where the old one was, for all viewers and
-    counts, so more lobes do no worse anywhere. Up to four they also grow one by one at normal view, which finds more of the
-    peaks of a single row; the better of both is kept. Coarse grids lead the way, and rows an octave apart: those between are
-    interpolated first, for each by itself can hold other lobes than its neighbours. `again` returns the points of other
-    counts: with it, rows are added halfway where lobes cannot follow the light from row to row.
+    Lobes can hold the light of one row in several ways, and rows or viewers that hold it in different ways leave a gap
+    between them. So up to four lobes are fitted to one row and follow the light from there, from row to row. They begin at
+    the first row. If four of them lose light somewhere, they begin at the last, at the one before it, and then with twice as
+    many nodes; the best is kept. More lobes are splits of four: the new table starts where the old one was, for all viewers
+    and counts, so they do no worse anywhere. Coarse grids lead the way. `again` returns the points of other counts, and with
+    twice as many nodes; without it, both stay as they are.
     """
-    coarse = replace(points, targets=points.targets.coarser())
-    few, insert = coarse.octaves()
-    steps = min(_STEPS, 8 * _STEPS // lobes)  # a step's cost grows with the square of the lobes, and later ones gain little
-    u = _carried(few, min(lobes, 2))
+    few, last = min(lobes, _GROWN), len(points.on_nodes) - 1
+    tries = [(0, points.nodes)]
+    if few == _GROWN and last > 0:
+        tries += [(last, points.nodes), (last - 1, points.nodes)]
+        tries += [(first, 2 * points.nodes - 1) for first in (0, last)] if again is not None else []
+    least = np.inf
+    for first, nodes in dict.fromkeys(tries):
+        progress(f"following light from {points.rows[first]:g} strands, {nodes} viewers", 0.0)
+        begun = points if nodes == points.nodes or again is None else again(list(points.rows), points, nodes)
+        seen, table = _followed(begun, few, first, again)
+        worst = float(loss(seen.targets, seen.natural(to_natural(table)), bounded=False).max())
+        if worst < least:
+            least, best, u = worst, seen, table
+        if least < _HELD:
+            break
+    coarse = _coarse(best)
     while u.shape[3] < lobes:
         progress(f"splitting {u.shape[3]} lobes", 0.5 * u.shape[3] / lobes)
         more = min(2 * u.shape[3], lobes)
-        found = [polish(few, split(few, u, more), steps if more == lobes else 8)]
-        if more <= _GROWN and len(few.on_nodes) == 1:
-            found.append(_carried(few, more))
-        u = min(found, key=lambda v: loss(few.targets, few.natural(to_natural(v))).sum())
-        u = relabel(few, u) if more <= _GROWN else u  # what a split adds has one order
-    if len(u) < len(points.on_nodes):
-        u = polish(coarse, np.tensordot(insert, u, 1), steps)
-    for _ in range(_HALVINGS):
-        if again is None or len(u) == 1:
-            break
-        rows, insert = _halved_gaps(points, u)
-        if len(rows) == len(u):
-            break
-        progress(f"adding {len(rows) - len(u)} rows", 0.5)
-        points = again(rows, points)
-        coarse = replace(points, targets=points.targets.coarser())
-        u = polish(coarse, np.tensordot(insert, u, 1), steps)
-    return points, polish(points, u, steps, lambda f: progress("polishing", 0.5 + 0.5 * f))
+        u = polish(coarse, split(coarse, u, more), _steps(more) if more == lobes else 8)
+    return best, polish(best, u, _steps(lobes), lambda f: progress("polishing", 0.5 + 0.5 * f))
 
 
-def _halved_gaps(points: Points, u: Array) -> tuple[list[float], Array]:
-    """Return the rows, with one more in each gap where the lobes lose the light that they hold at either end; and what
-    interpolates a table to them, (new rows, rows).
-    """
+def _coarse(points: Points) -> Points:
+    return replace(points, targets=points.targets.coarser())
+
+
+def _steps(lobes: int) -> int:
+    return min(_STEPS, 8 * _STEPS // lobes)  # a step's cost grows with the square of the lobes, and later ones gain little
+
+
+def _followed(points: Points, lobes: int, first: int, again: Again | None) -> tuple[Points, Array]:
+    """Return the points and a table whose row `first` is fitted by itself and leads to the next, on to either end."""
+    coarse = _coarse(points)
+    places = points.whole  # rows, and numbers of strands between them
+    begin = int(np.searchsorted(places, np.argmax(points.by_row[:, first])))
+    row = coarse.of_row(places[begin])
+    u = relabel(row, carry(row, grow_at_start(row, lobes)[-1]))
+    u = polish(row, relabel(row, polish(row, u, _STEPS)), _STEPS)
+    found = {float(row.strands[0]): u[0]}
+    for way in (places[begin + 1 :], places[:begin][::-1]):
+        table = u
+        for place in way:
+            row = coarse.of_row(place)
+            table = polish(row, table, _STEPS)
+            found[float(row.strands[0])] = table[0]
+    counts = sorted(found)
+    tables = np.array([found[n] for n in counts])
+
+    def of_rows() -> Array:
+        at = np.interp(points.rows, counts, np.arange(len(counts)))
+        return np.tensordot(shares(at, len(counts)), tables, 1)
+
+    if again is not None and len(points.on_nodes) > 1:
+        for _ in range(_HALVINGS):
+            points = again(_halved_gaps(points, of_rows()), points, points.nodes)
+    coarse = _coarse(points)
+    return points, polish(coarse, relabel(coarse, of_rows()), _steps(lobes))
+
+
+def _halved_gaps(points: Points, u: Array) -> list[float]:
+    """Return the rows, with one more in each gap where the lobes lose the light that they hold at either end."""
     x = points.natural(to_natural(u))
     losses = loss(points.targets, x, bounded=False)
     gap, between = points.row.astype(np.intp), points.row % 1 > 0
@@ -79,18 +110,12 @@ def _halved_gaps(points: Points, u: Array) -> tuple[list[float], Array]:
         ends = np.minimum(at_rows[gap, place], at_rows[np.minimum(gap + 1, len(at_rows) - 1), place])
         lost |= between & (found > np.maximum(least, 2 * ends))
     rows = points.rows
-    more = np.sort(np.concatenate([rows, [0.5 * (rows[g] + rows[g + 1]) for g in np.unique(gap[lost])]]))
-    return list(more), shares(np.interp(more, rows, np.arange(len(rows))), len(rows))
-
-
-def _carried(points: Points, lobes: int) -> Array:
-    u = polish(points, relabel(points, carry(points, grow_at_start(points, lobes)[-1])), _STEPS)
-    return polish(points, relabel(points, u), _STEPS)
+    return sorted([*rows, *(0.5 * (rows[g] + rows[g + 1]) for g in np.unique(gap[lost]))])
 
 
 def grow_at_start(points: Points, lobes: int) -> list[Array]:
     """Return `grow`'s fits at normal view of the first row."""
-    return grow(points.targets.take([points.on_nodes[0, _START]]), lobes)
+    return grow(points.targets.take([points.on_nodes[0, points.nodes // 2]]), lobes)
 
 
 def grow(targets: Targets, lobes: int) -> list[Array]:
@@ -143,15 +168,15 @@ def _density(targets: Targets, x: Array) -> Array:
 
 def carry(points: Points, start: Array) -> Array:
     """Return u (rows, nodes, 5, K): from one fit at the middle node to every row, then node by node to both poles."""
-    rows, on_node = len(points.on_nodes), points.on_nodes
-    u = np.empty((rows, THETA_NODES, *start.shape))
-    previous = start
+    rows, nodes, on_node = len(points.on_nodes), points.nodes, points.on_nodes
+    u = np.empty((rows, nodes, *start.shape))
+    previous, middle = start, nodes // 2
     for r in range(rows):
-        solved, _ = solve_each(points.targets.take([on_node[r, _START]]), previous[None], iterations=40)
-        u[r, _START] = previous = solved[0]
-    step = np.pi / (THETA_NODES - 1)
-    for distance in range(1, THETA_NODES - _START):
-        places = [(r, _START + sign * distance, sign) for r in range(rows) for sign in (-1, 1)]
+        solved, _ = solve_each(points.targets.take([on_node[r, middle]]), previous[None], iterations=40)
+        u[r, middle] = previous = solved[0]
+    step = np.pi / (nodes - 1)
+    for distance in range(1, nodes - middle):
+        places = [(r, middle + sign * distance, sign) for r in range(rows) for sign in (-1, 1)]
         starts = np.array([u[r, i - sign] for r, i, sign in places])
         starts[:, MEAN_THETA] -= np.array([sign for *_, sign in places])[:, None] * step
         targets = points.targets.take([on_node[r, i] for r, i, _ in places])
@@ -205,7 +230,7 @@ def split(points: Points, u: Array, lobes: int) -> Array:
     of the nodes by themselves; those whose split gains most are.
     """
     rows, even = sorted({int(r) for r in np.linspace(0, len(u) - 1, 3)}), points.targets.even
-    nodes = [(r, i) for r in rows for i in range(0, THETA_NODES, 6)]
+    nodes = [(r, i) for r in rows for i in range(0, points.nodes, 6)]
     on_node, some = points.on_nodes, np.array([u[r, i] for r, i in nodes])
     ways = [(k, way) for k in range(u.shape[3]) for way in _WAYS]
     starts = np.concatenate([_halved(some, k, way) for k, way in ways])

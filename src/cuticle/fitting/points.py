@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +13,10 @@ from cuticle.fitting.mixture import Array
 from cuticle.fitting.targets import Targets, make_targets
 from cuticle.scattering.bcsdf import Bcsdf
 
-THETA_NODES = 25  # every 7.5 degrees
+THETA_NODES = 25  # every 7.5 degrees: of a table at first
 END = np.radians(89.5)  # stands for the pole, where f·cos degenerates
 _BETWEEN = (0.5, 0.25, 0.75)  # rows: lobes that follow the light halfway can lose it, or its tails, beside it
+_BESIDE = (1 / 2, 1 / 3, 2 / 3)  # of the way between two nodes
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,11 @@ class Points:
     targets: Targets
 
     @property
+    def nodes(self) -> int:
+        """How many viewers the table has, evenly from pole to pole."""
+        return self.by_node.shape[1]
+
+    @property
     def rows(self) -> Array:
         """The table's strand counts."""
         return self.strands[self.on_nodes[:, 0]]
@@ -52,17 +59,36 @@ class Points:
         there[self.seen] = values.reshape(len(values), -1)
         return (self.by_node.T @ np.tensordot(self.by_row.T, there, 1)).reshape(-1, *values.shape[1:])
 
-    def octaves(self) -> tuple[Points, Array]:
-        """Return the same points for a table of rows an octave apart, and what interpolates those to all: (rows, few)."""
-        rows = self.rows
-        kept = [0]
-        for i, n in enumerate(rows):
-            if n >= 2 * rows[kept[-1]] > 0 or i == len(rows) - 1 > 0:
-                kept.append(i)
-        few = np.arange(len(kept))
-        insert = shares(np.interp(rows, rows[kept], few), len(kept))
-        row = np.interp(self.strands, rows[kept], few)
-        return replace(self, row=row, by_row=self.by_row @ insert, on_nodes=self.on_nodes[kept]), insert
+    @property
+    def whole(self) -> NDArray[np.intp]:
+        """Places along rows, on and between them, where all nodes are seen."""
+        on_node = self.by_node.max(axis=1) == 1
+        return np.flatnonzero(self.seen[:, on_node].all(axis=1))
+
+    def of_row(self, place: int) -> Points:
+        """Return the points at one of the places along rows, for a table of that row alone."""
+        at = np.flatnonzero(np.nonzero(self.seen)[0] == place)
+        node = self.node[at]
+        return Points(
+            self.seen[place : place + 1], np.ones((1, 1)), self.by_node, np.zeros(len(at)), node,
+            np.flatnonzero(node % 1 == 0)[None], self.theta_r[at], self.strands[at], self.targets.take(at),
+        )  # fmt: skip
+
+    def energy_at_nodes(self, nodes: int) -> Array:
+        """Return ∫ f cos for each row of a table with so many nodes, of whose viewers all are seen: (rows, nodes)."""
+        at = np.linspace(0, self.nodes - 1, nodes)
+        found = []
+        for r in range(len(self.on_nodes)):
+            seen = np.flatnonzero(self.row == r)
+            seen = seen[np.argsort(self.node[seen])]
+            found.append(np.interp(at, self.node[seen], self.targets.energy[seen]))
+        return np.array(found)
+
+
+def with_nodes(table: Array, nodes: int) -> Array:
+    """Return the same table, (rows, few nodes, ...), with more nodes between them."""
+    few = table.shape[1]
+    return np.moveaxis(np.tensordot(shares(np.linspace(0, few - 1, nodes), few), table, (1, 1)), 0, 1)
 
 
 def make_points(
@@ -72,6 +98,7 @@ def make_points(
     family: str,
     *,
     dense: bool,
+    nodes: int = THETA_NODES,
     known: Points | None = None,
 ) -> Points:
     """Tabulate the targets that a fit of these strand counts looks at; `dense`: all viewers at every count between rows.
@@ -79,23 +106,28 @@ def make_points(
     Between 0 and the next count the sampler mixes: there is nothing to interpolate, and 0 comes alone. Targets of `known`
     points are not made again.
     """
-    halves = [i + 0.5 for i in range(THETA_NODES - 1)]
-    at_node = np.sort([*range(THETA_NODES), *halves, 0.25, 0.75, THETA_NODES - 1.75, THETA_NODES - 1.25])
+    middle = np.arange(nodes - 1)
+    near_poles = middle[[0, 0, -1, -1]] + [0.25, 0.75, 0.25, 0.75]
+    at_node = np.concatenate([np.arange(nodes), near_poles, *(middle + x for x in _BESIDE)])
+    kind = np.repeat(range(len(_BESIDE) + 1), [nodes + 4, *[nodes - 1] * len(_BESIDE)])
     at_row = np.arange(4 * len(strands) - 3) / 4
-    seen = dense | (at_row[:, None] % 1 == np.resize(_BETWEEN, len(at_node))) | (at_row[:, None] % 1 == 0)
-    by_row, by_node = shares(at_row, len(strands)), shares(at_node, THETA_NODES)
+    seen = (kind == 0) | (kind == np.resize([1, 2, 1, 3], len(at_row))[:, None])
+    if not dense:
+        seen &= (at_row[:, None] % 1 == np.resize(_BETWEEN, len(at_node))) | (at_row[:, None] % 1 == 0)
+    by_row, by_node = shares(at_row, len(strands)), shares(at_node, nodes)
     row, node = (at[i] for at, i in zip((at_row, at_node), np.nonzero(seen), strict=True))
     on = np.flatnonzero((row % 1 == 0) & (node % 1 == 0))
-    theta_r = np.clip(node * np.pi / (THETA_NODES - 1) - np.pi / 2, -END, END)
+    theta_r = np.clip(node / (nodes - 1) * np.pi - np.pi / 2, -END, END)  # the same for twice as many
     counts = np.interp(row, np.arange(len(strands)), strands)
     old = {} if known is None else {place: i for i, place in enumerate(zip(known.strands, known.theta_r, strict=True))}
     new = [place for place in zip(counts, theta_r, strict=True) if place not in old]
     models = {n: with_strands(n) for n in dict.fromkeys(n for n, _ in new)}
-    targets = make_targets([models[n] for n, _ in new], [t for _, t in new], objective, family)
+    made = [make_targets([models[n] for n, _ in new], [t for _, t in new], objective, family)] if new else []
+    targets = functools.reduce(Targets.and_of, made if known is None else [known.targets, *made])
     if known is not None:
         at = old | {place: len(old) + i for i, place in enumerate(new)}
-        targets = known.targets.and_of(targets).take([at[place] for place in zip(counts, theta_r, strict=True)])
-    on_nodes = on.reshape(len(strands), THETA_NODES)
+        targets = targets.take([at[place] for place in zip(counts, theta_r, strict=True)])
+    on_nodes = on.reshape(len(strands), nodes)
     return Points(seen, by_row, by_node, row, node, on_nodes, theta_r, counts, targets)
 
 
