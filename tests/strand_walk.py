@@ -74,17 +74,28 @@ def _scatter(
     return alive, _latitude(theta + 2 * fibre.alpha[lobe], 4 * fibre.beta[lobe] ** 2, rng), phi
 
 
-def passed(fibre: Fibre, sigma_a: float, theta_i: float, sheets: NDArray[np.int_], seed: int = 1) -> float:
-    """Return the share of light that leaves numbers of sheets, one a path, on the side where it did not fall in."""
+def passed(
+    fibre: Fibre, sigma_a: float, theta_i: float, sheets: NDArray[np.int_], seed: int = 1, *, back: bool = False,
+    azimuths: float = 0.0,
+) -> float:  # fmt: skip
+    """Return the share of light that leaves numbers of sheets, one a path, on the side where it did not fall in, or `back`.
+
+    It falls in at azimuths from 0 to `azimuths`, evenly.
+    """
     rng = np.random.default_rng(seed)
-    theta, phi, depth, last = np.full(len(sheets), -theta_i), np.zeros(len(sheets)), np.zeros(len(sheets)), sheets
-    out = np.count_nonzero(sheets == 0)
+    theta, phi, depth, last = (
+        np.full(len(sheets), -theta_i),
+        azimuths * rng.random(len(sheets)),
+        np.zeros(len(sheets)),
+        sheets,
+    )
+    out = 0 if back else np.count_nonzero(sheets == 0)
     theta, phi, depth, last = (x[sheets > 0] for x in (theta, phi, depth, last))
     while len(theta):
         optics = _optics(fibre, sigma_a, theta, 2 * rng.random(len(theta)) - 1)
         alive, theta, phi = _scatter(fibre, *optics, theta, phi, rng)
         depth = depth + np.where(np.cos(phi) > 0, 1, -1)
-        out += np.count_nonzero(alive & (depth >= last))
+        out += np.count_nonzero(alive & (depth < -0.5 if back else depth >= last))
         alive &= (depth > -0.5) & (depth < last)
         theta, phi, depth, last = (x[alive] for x in (theta, phi, depth, last))
     return float(out / len(sheets))

@@ -9,7 +9,7 @@ import pytest
 
 from cuticle import DualScattering, Fibre
 from cuticle.scattering.strand_transport import Directions, Scattering, StrandTransport
-from cuticle.scattering.through_strands import passed_through
+from cuticle.scattering.through_strands import _parts, passed_through
 from strand_walk import passed, quadrature, walk
 
 FIBRES = {
@@ -87,6 +87,17 @@ def test_what_hair_passes_on_is_a_walks(name: str, degrees: float) -> None:
         drawn = np.random.default_rng(5).poisson(expected, count)
         want = passed(fibre, fibre.absorption[c], theta, drawn[drawn > 0])  # light that meets a strand
         assert random[slot] == pytest.approx(want, rel=0.03, abs=1e-3)  # a walk of light hair scatters by 1 %
+
+
+@pytest.mark.parametrize("name", [*FIBRES])
+@pytest.mark.parametrize("degrees", [0, 40, -60])
+def test_what_a_half_space_sends_back_is_a_walks(name: str, degrees: float) -> None:
+    fibre, c, d, theta = FIBRES[name], CHANNEL.get(name, 0), Directions(), np.radians(degrees)
+    below, _ = StrandTransport(_parts(fibre, c, d))._sheets
+    cell = below[:, d.rows :].sum(axis=1)[d.rows : 2 * d.rows]  # of light in the first column
+    endless = np.full(400_000, 10_000)
+    want = passed(fibre, fibre.absorption[c], -theta, endless, back=True, azimuths=d.step)
+    assert np.interp(theta, d.theta, cell) == pytest.approx(want, rel=0.01)
 
 
 def test_where_azimuth_is_even_at_every_strand_it_is_the_papers_premise() -> None:
