@@ -43,16 +43,15 @@ def fit_table(points: Points, lobes: int, progress: Progress, again: Again | Non
     if few == _GROWN and last > 0:
         tries += [(last, points.nodes), (last - 1, points.nodes)]
         tries += [(first, 2 * points.nodes - 1) for first in (0, last)] if again is not None else []
-    least = np.inf
+    found: list[tuple[float, Points, Array]] = []
     for first, nodes in dict.fromkeys(tries):
         progress(f"following light from {points.rows[first]:g} strands, {nodes} viewers", 0.0)
         begun = points if nodes == points.nodes or again is None else again(list(points.rows), points, nodes)
         seen, table = _followed(begun, few, first, again)
-        worst = float(loss(seen.targets, seen.natural(to_natural(table)), bounded=False).max())
-        if worst < least:
-            least, best, u = worst, seen, table
-        if least < _HELD:
+        found.append((float(loss(seen.targets, seen.natural(to_natural(table)), bounded=False).max()), seen, table))
+        if found[-1][0] < _HELD:
             break
+    _, best, u = min(found, key=lambda f: f[0])
     coarse = _coarse(best)
     while u.shape[3] < lobes:
         progress(f"splitting {u.shape[3]} lobes", 0.5 * u.shape[3] / lobes)

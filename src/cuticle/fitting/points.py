@@ -111,7 +111,9 @@ def make_points(
     at_node = np.concatenate([np.arange(nodes), near_poles, *(middle + x for x in _BESIDE)])
     kind = np.repeat(range(len(_BESIDE) + 1), [nodes + 4, *[nodes - 1] * len(_BESIDE)])
     at_row = np.arange(4 * len(strands) - 3) / 4
-    seen = (kind == 0) | (kind == np.resize([1, 2, 1, 3], len(at_row))[:, None])
+    seen = (kind == 0) | (
+        kind == np.resize([1, 2, 1, 3], len(at_row))[:, None]
+    )  # halfway, at a third, halfway, at two thirds
     if not dense:
         seen &= (at_row[:, None] % 1 == np.resize(_BETWEEN, len(at_node))) | (at_row[:, None] % 1 == 0)
     by_row, by_node = shares(at_row, len(strands)), shares(at_node, nodes)
