@@ -20,11 +20,11 @@ from cuticle.sampling.lobe_table import MEAN_THETA, SIGMA_PHI, SIGMA_THETA, WEIG
 Again = Callable[[Sequence[float], Points, int], Points]  # of strand counts, points known, nodes
 _LOST = 0.05  # ½ (1/ESS - 1): ESS below .91 at one viewer, where its neighbour was well fitted
 _LEAST = 1e-4  # of ½ (1/ESS - 1) that an exchange of two lobes gains
-_STEPS = 30  # of a polish, at most
+_STEPS, _FEW_STEPS = 30, 8  # of a polish, at most
 _UNFOLLOWED = 0.0076  # ½ (1/ESS - 1) between two rows: ESS below .985
 _HEAVY = 3e-4  # price of large weights between two rows
 _HALVINGS = 2  # of the gap between two rows
-_GROWN = 4  # lobes up to which they are grown one by one
+_FEWEST, _GROWN = 2, 4  # lobes that are split first; lobes up to which they are grown one by one
 _HELD = 0.0125  # ½ (1/ESS - 1) at the worst place, before the last polish: ESS .9756; else another row is the first
 
 
@@ -56,7 +56,7 @@ def fit_table(points: Points, lobes: int, progress: Progress, again: Again | Non
     while u.shape[3] < lobes:
         progress(f"splitting {u.shape[3]} lobes", 0.5 * u.shape[3] / lobes)
         more = min(2 * u.shape[3], lobes)
-        u = polish(coarse, split(coarse, u, more), _steps(more) if more == lobes else 8)
+        u = polish(coarse, split(coarse, u, more), _steps(more) if more == lobes else _FEW_STEPS)
     return best, polish(best, u, _steps(lobes), lambda f: progress("polishing", 0.5 + 0.5 * f))
 
 
@@ -74,8 +74,10 @@ def _followed(points: Points, lobes: int, first: int, again: Again | None) -> tu
     places = points.whole  # rows, and numbers of strands between them
     begin = int(np.searchsorted(places, np.argmax(points.by_row[:, first])))
     row = coarse.of_row(places[begin])
-    u = relabel(row, carry(row, grow_at_start(row, lobes)[-1]))
-    u = polish(row, relabel(row, polish(row, u, _STEPS)), _STEPS)
+    u = _carried(row, lobes, _STEPS)
+    if len(points.on_nodes) == 1 and lobes > _FEWEST:  # splits may find more of the peaks of direct light
+        other = polish(row, split(row, _carried(row, _FEWEST, _FEW_STEPS), lobes), _steps(lobes))
+        u = min(u, other, key=lambda v: loss(row.targets, row.natural(to_natural(v))).sum())
     found = {float(row.strands[0]): u[0]}
     for way in (places[begin + 1 :], places[:begin][::-1]):
         table = u
@@ -95,6 +97,11 @@ def _followed(points: Points, lobes: int, first: int, again: Again | None) -> tu
             points = again(_halved_gaps(points, of_rows()), points, points.nodes)
     coarse = _coarse(points)
     return points, polish(coarse, relabel(coarse, of_rows()), _steps(lobes))
+
+
+def _carried(row: Points, lobes: int, steps: int) -> Array:
+    u = polish(row, relabel(row, carry(row, grow_at_start(row, lobes)[-1])), steps)
+    return polish(row, relabel(row, u), steps)
 
 
 def _halved_gaps(points: Points, u: Array) -> list[float]:
