@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cuticle._support.progress import Progress
+from cuticle._support.progress import Progress, part
 from cuticle.fitting.mixture import Array, confine, from_natural, loss, solve_each, to_natural
 from cuticle.fitting.points import Points, shares
 from cuticle.fitting.polish import polish
@@ -43,11 +44,13 @@ def fit_table(points: Points, lobes: int, progress: Progress, again: Again | Non
     if few == _GROWN and last > 0:
         tries += [(last, points.nodes), (last - 1, points.nodes)]
         tries += [(first, 2 * points.nodes - 1) for first in (0, last)] if again is not None else []
+        tries = list(dict.fromkeys(tries))
     found: list[tuple[float, Points, Array]] = []
-    for first, nodes in dict.fromkeys(tries):
-        progress(f"following light from {points.rows[first]:g} strands, {nodes} viewers", 0.0)
+    for i, (first, nodes) in enumerate(tries):
+        name = f"following light from {points.rows[first]:g} strands, {nodes} viewers" if last > 0 else "growing lobes"
+        report = part(progress, 0.5 * i / len(tries), 0.5 / len(tries))
         begun = points if nodes == points.nodes or again is None else again(list(points.rows), points, nodes)
-        seen, table = _followed(begun, few, first, again)
+        seen, table = _followed(begun, few, first, again, partial(report, name))
         found.append((float(loss(seen.targets, seen.natural(to_natural(table)), bounded=False).max()), seen, table))
         if found[-1][0] < _HELD:
             break
@@ -68,7 +71,9 @@ def _steps(lobes: int) -> int:
     return min(_STEPS, 8 * _STEPS // lobes)  # a step's cost grows with the square of the lobes, and later ones gain little
 
 
-def _followed(points: Points, lobes: int, first: int, again: Again | None) -> tuple[Points, Array]:
+def _followed(
+    points: Points, lobes: int, first: int, again: Again | None, report: Callable[[float], None]
+) -> tuple[Points, Array]:
     """Return the points and a table whose row `first` is fitted by itself and leads to the next, on to either end."""
     coarse = _coarse(points)
     places = points.whole  # rows, and numbers of strands between them
@@ -85,6 +90,7 @@ def _followed(points: Points, lobes: int, first: int, again: Again | None) -> tu
             row = coarse.of_row(place)
             table = polish(row, table, _STEPS)
             found[float(row.strands[0])] = table[0]
+            report(0.5 * len(found) / len(places))
     counts = sorted(found)
     tables = np.array([found[n] for n in counts])
 
@@ -96,7 +102,7 @@ def _followed(points: Points, lobes: int, first: int, again: Again | None) -> tu
         for _ in range(_HALVINGS):
             points = again(_halved_gaps(points, of_rows()), points, points.nodes)
     coarse = _coarse(points)
-    return points, polish(coarse, relabel(coarse, of_rows()), _steps(lobes))
+    return points, polish(coarse, relabel(coarse, of_rows()), _steps(lobes), lambda f: report(0.5 + 0.5 * f))
 
 
 def _carried(row: Points, lobes: int, steps: int) -> Array:
