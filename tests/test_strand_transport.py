@@ -97,7 +97,7 @@ def test_what_a_half_space_sends_back_is_a_walks(name: str, degrees: float) -> N
     cell = below[:, d.rows :].sum(axis=1)[d.rows : 2 * d.rows]  # of light in the first column
     endless = np.full(400_000, 10_000)
     want = passed(fibre, fibre.absorption[c], -theta, endless, back=True, azimuths=d.step)
-    assert np.interp(theta, d.theta, cell) == pytest.approx(want, rel=0.01)
+    assert np.interp(theta, d.theta, cell) == pytest.approx(want, rel=0.01)  # the darkest walk scatters by .5 %
 
 
 def test_where_azimuth_is_even_at_every_strand_it_is_the_papers_premise() -> None:

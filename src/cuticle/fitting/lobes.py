@@ -100,7 +100,10 @@ def _followed(
 
     if again is not None and len(points.on_nodes) > 1:
         for _ in range(_HALVINGS):
-            points = again(_halved_gaps(points, of_rows()), points, points.nodes)
+            rows = _halved_gaps(points, of_rows())
+            if len(rows) == len(points.on_nodes):
+                break
+            points = again(rows, points, points.nodes)
     coarse = _coarse(points)
     return points, polish(coarse, relabel(coarse, of_rows()), _steps(lobes), lambda f: report(0.5 + 0.5 * f))
 

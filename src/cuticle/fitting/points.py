@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -104,16 +103,17 @@ def make_points(
     """Tabulate the targets that a fit of these strand counts looks at; `dense`: all viewers at every count between rows.
 
     Between 0 and the next count the sampler mixes: there is nothing to interpolate, and 0 comes alone. Targets of `known`
-    points are not made again.
+    points are not made again; some have to be new.
     """
     middle = np.arange(nodes - 1)
     near_poles = middle[[0, 0, -1, -1]] + [0.25, 0.75, 0.25, 0.75]
     at_node = np.concatenate([np.arange(nodes), near_poles, *(middle + x for x in _BESIDE)])
     kind = np.repeat(range(len(_BESIDE) + 1), [nodes + 4, *[nodes - 1] * len(_BESIDE)])
     at_row = np.arange(4 * len(strands) - 3) / 4
-    seen = (kind == 0) | (
-        kind == np.resize([1, 2, 1, 3], len(at_row))[:, None]
-    )  # halfway, at a third, halfway, at two thirds
+    beside = np.resize(
+        [1, 2, 1, 3], len(at_row)
+    )  # the kind that is seen at each: halfway, at a third, halfway, at two thirds
+    seen = (kind == 0) | (kind == beside[:, None])
     if not dense:
         seen &= (at_row[:, None] % 1 == np.resize(_BETWEEN, len(at_node))) | (at_row[:, None] % 1 == 0)
     by_row, by_node = shares(at_row, len(strands)), shares(at_node, nodes)
@@ -124,11 +124,10 @@ def make_points(
     old = {} if known is None else {place: i for i, place in enumerate(zip(known.strands, known.theta_r, strict=True))}
     new = [place for place in zip(counts, theta_r, strict=True) if place not in old]
     models = {n: with_strands(n) for n in dict.fromkeys(n for n, _ in new)}
-    made = [make_targets([models[n] for n, _ in new], [t for _, t in new], objective, family)] if new else []
-    targets = functools.reduce(Targets.and_of, made if known is None else [known.targets, *made])
+    targets = make_targets([models[n] for n, _ in new], [t for _, t in new], objective, family)
     if known is not None:
         at = old | {place: len(old) + i for i, place in enumerate(new)}
-        targets = targets.take([at[place] for place in zip(counts, theta_r, strict=True)])
+        targets = known.targets.and_of(targets).take([at[place] for place in zip(counts, theta_r, strict=True)])
     on_nodes = on.reshape(len(strands), nodes)
     return Points(seen, by_row, by_node, row, node, on_nodes, theta_r, counts, targets)
 
