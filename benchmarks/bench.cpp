@@ -166,7 +166,7 @@ int main(int argc, char **argv) {
     const int through_rows = reader.integer(), along_rows = reader.integer(), azimuth_rows = reader.integer(),
               turns = reader.integer();
     const auto count = [](int n) { return static_cast<std::size_t>(n); };
-    const int parts = 2 * cuticle::through_slots * cuticle::through_parts * channels;
+    const int parts = 2 * cuticle::strand_nodes * cuticle::through_parts * channels;
     const auto direct = reader.array<float>(count(rows * columns * channels * cuticle::lobe_count));
     const auto energy = reader.array<float>(count(cuticle::energy_columns * parts * through_rows));
     const auto along = reader.array<float>(count(cuticle::along_columns * parts * along_rows));

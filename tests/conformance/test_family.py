@@ -284,8 +284,8 @@ def test_a_wrong_number_of_the_strands_around_is_caught(form: str, to: str, brow
     variance = singles(tables.variance, "")[0]
     wrong = {"variance": with_wrong(made, variance, f"{1.2 * float(variance)!r}")}
     rows = tables.energy.shape[2]
-    # TT's ln of energy in red light, at the middle rows: of the slots of counted or random strands the fourth is of two.
-    first = ((bool(BEHIND[form]) * 7 + 3) * rows + rows // 2 - 1) * 6
+    # TT's ln of energy in red light, at the middle rows: of the nodes of counted or random strands the third is of two.
+    first = ((bool(BEHIND[form]) * 6 + 2) * rows + rows // 2 - 1) * 6
     texels = np.frombuffer(exported(form, "glsl").data, np.float32).reshape(-1, 4).copy()
     if made.data:
         texels[[first, first + 6], 1] += 0.1

@@ -153,16 +153,16 @@ template <class Float> int compare_model(cuticle::Formulation formulation, std::
     for (int i = 0; i < inclinations; ++i)
         for (const double x : {.6, .1, -.02, .03, .15, .2, .1, .05, .4})
             for (int c = 0; c < channels; ++c) averages.push_back(Float(x) * uniform(.8, 1.2));
-    constexpr int slots = 2 * cuticle::through_slots, through_rows = 5, azimuth_rows = 3, turns = 7;
+    constexpr int nodes = 2 * cuticle::strand_nodes, through_rows = 5, azimuth_rows = 3, turns = 7;
     std::vector<Float> energy, along, azimuth, end;
     const auto fill = [&](std::initializer_list<double> middles, std::vector<Float> &table) {
-        for (int i = 0; i < slots * through_rows; ++i)
+        for (int i = 0; i < nodes * through_rows; ++i)
             for (const double x : middles)
                 for (int j = 0; j < cuticle::through_parts * channels; ++j) table.push_back(Float(x + .1 * uniform(-1, 1)));
     };
     fill({-1., .05}, energy);            // log energy, bend
-    fill({.6, 0., .2, .3, .15}, along);  // share, axis, variance, and the second's
-    for (int i = 0; i < slots * azimuth_rows * turns * cuticle::through_parts * channels; ++i)
+    fill({.5, .3, 0., .2, .3, .15, -.2, .4}, along);  // two shares, then axis and variance of three M's
+    for (int i = 0; i < nodes * azimuth_rows * turns * cuticle::through_parts * channels; ++i)
         azimuth.push_back(uniform(.05, .3));
     for (int i = 0; i < through_rows * 3 * channels; ++i) end.push_back(uniform(.3, .9));
     cuticle::DualScatteringModel<Float> model{};

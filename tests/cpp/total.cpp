@@ -99,7 +99,7 @@ template <class Float> void functions(std::size_t count) {
     const auto spread = table<Float>(rows * columns * cuticle::lobe_count * channels, 0, 1);
     const auto mean = table<Float>(averages * channels * cuticle::average_columns, .01, .3);
     const auto rest = table<Float>(rows * channels, 0, 1);
-    constexpr int parts = 2 * cuticle::through_slots * cuticle::through_parts * channels;
+    constexpr int parts = 2 * cuticle::strand_nodes * cuticle::through_parts * channels;
     const auto light = table<Float>(parts * cuticle::energy_columns * 5, .1, .5),
                along = table<Float>(parts * cuticle::along_columns * 4, .1, .5),
                azimuth = table<Float>(parts * 3 * 7, 0, .3), end = table<Float>(5 * 3 * channels, .1, .9);

@@ -8,7 +8,7 @@
 
 namespace cuticle {
 
-constexpr int draw_columns = 1 + along_columns;  // the energy, then the M's
+constexpr int draw_columns = 1 + along_columns;  // the energy, then those of ThroughTable::along
 
 template <class Scalar, class Memory = const Scalar *> struct ThroughDraw {
     Memory lobes;    // [row][part][column], theta_r from -limit to limit; the energies are out of the strand's own parts'
@@ -37,8 +37,9 @@ CUTICLE_HD ThroughMixture<Float> through_mixture(const ThroughDraw<Scalar, Memor
     Float total = Float(0);
     for (int p = 0; p < through_parts; ++p) {
         const int first = p * draw_columns;
-        ThroughPart<Float> part = {value(first),     value(first + 1), value(first + 2),
-                                   value(first + 3), value(first + 4), value(first + 5)};
+        Float columns[along_columns];
+        for (int k = 0; k < along_columns; ++k) columns[k] = value(first + 1 + k);
+        ThroughPart<Float> part = part_of(value(first), columns);
         if (p < lobe_count) part = own_part(part, own.of[p]);
         mix.parts.set(p, part);
         total = total + part.energy;
@@ -55,12 +56,12 @@ CUTICLE_HD Float through_pdf(const ThroughDraw<Scalar, Memory> &table, const Thr
     using Index = typename ArrayTraits<Float>::Index;
     const Place<Float> column = locate_azimuth(phi, table.nodes);
     const int row = through_parts * table.nodes * 2;
-    const auto along = part_m(mix.parts.along, typename ThroughMoments<Float>::Parts(theta_i));
-    Float sum = Float(0);
+    Float lobes[through_parts + 1], sum = Float(0);
+    part_lobes_at(mix.parts, theta_i, lobes);
     for (int p = 0; p < through_parts; ++p) {
         const Index i = mix.azimuth_row.node * Index(row) + column.node * Index(2) + Index(p * table.nodes * 2);
         const Float around = bilinear_value<Float>(table.azimuth, i, row, 2, mix.azimuth_row.t, column.t, 0);
-        sum = sum + mix.parts.energy[p] * along[p] * around;
+        sum = sum + lobes[p] * around;
     }
     return sum;
 }

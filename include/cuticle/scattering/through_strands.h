@@ -16,17 +16,17 @@ template <class Float> struct OwnParts {
 
 // All parts, then direct light's backscatter.
 template <class Float> struct ThroughMoments {
-    using Parts = Several<Float, through_parts + 1>;
+    using Lobes = Several<Float, part_lobes *(through_parts + 1)>;  // the M's of a part one after another
     Float energy[through_parts + 1];
-    ThroughPart<Parts> along{Parts(0), Parts(1), Parts(0), Parts(1), Parts(0), Parts(1)};  // without energies
+    Lobes share{0}, axis{0}, variance{1};
 
-    CUTICLE_INLINE void set(int i, const ThroughPart<Float> &part) {
-        energy[i] = part.energy;
-        along.share.set(i, part.share);
-        along.axis.set(i, part.axis);
-        along.variance.set(i, part.variance);
-        along.second_axis.set(i, part.second_axis);
-        along.second_variance.set(i, part.second_variance);
+    CUTICLE_INLINE void set(int p, const ThroughPart<Float> &part) {
+        energy[p] = part.energy;
+        for (int k = 0; k < part_lobes; ++k) {
+            share.set(part_lobes * p + k, part.share[k]);
+            axis.set(part_lobes * p + k, part.axis[k]);
+            variance.set(part_lobes * p + k, part.variance[k]);
+        }
     }
 };
 template <class Float, class Scalar, class Memory, class Channel>
@@ -44,22 +44,35 @@ CUTICLE_INLINE ThroughMoments<Float> through_moments(const ThroughTable<Scalar, 
     return moments;
 }
 
-// Passes both M's of a part, by their shares in `share` times its energy.
+// Passes the M's of a part, by their shares in `share` times its energy.
 template <class Float>
 CUTICLE_INLINE ChosenPart<Float> pass_mixture(const ChosenPart<Float> &by, const Float &u, const Float &share,
                                               const ThroughMoments<Float> &parts, int p, int channel) {
-    const auto &m = parts.along;
-    const Float both = share * parts.energy[p], first = both * Float(m.share[p]);
-    return pass_part(pass_part(by, u, first, p, channel, Float(m.axis[p]), Float(m.variance[p])), u, Float(both - first), p,
-                     channel, Float(m.second_axis[p]), Float(m.second_variance[p]));
+    ChosenPart<Float> chosen = by;
+    for (int i = part_lobes * p; i < part_lobes * (p + 1); ++i)
+        chosen = pass_part(chosen, u, Float(share * parts.energy[p] * Float(parts.share[i])), p, channel,
+                           Float(parts.axis[i]), Float(parts.variance[i]));
+    return chosen;
 }
 
-// M over cos theta_i times the energies: lobes[through_parts + 1].
+// The parts' M times their energies: lobes[through_parts + 1].
+template <class Float>
+CUTICLE_INLINE void part_lobes_at(const ThroughMoments<Float> &parts, const Float &theta_i, Float *lobes) {
+    using Lobes = typename ThroughMoments<Float>::Lobes;
+    const Lobes m = parts.share * energy_conserving_m(Lobes(theta_i), parts.axis, parts.variance);
+    for (int p = 0; p <= through_parts; ++p) {
+        Float sum = m[part_lobes * p];
+        for (int k = 1; k < part_lobes; ++k) sum = sum + m[part_lobes * p + k];
+        lobes[p] = parts.energy[p] * sum;
+    }
+}
+
+// The same over cos theta_i.
 template <class Float>
 CUTICLE_INLINE void through_lobes(const ThroughMoments<Float> &parts, const Float &theta_i, Float *lobes) {
-    const auto m = part_m(parts.along, typename ThroughMoments<Float>::Parts(theta_i));
+    part_lobes_at(parts, theta_i, lobes);
     const Float secant = Float(1) / math::cos_theta(theta_i);
-    for (int p = 0; p <= through_parts; ++p) lobes[p] = parts.energy[p] * m[p] * secant;
+    for (int p = 0; p <= through_parts; ++p) lobes[p] = lobes[p] * secant;
 }
 
 // The densities of phi that the lobes are multiplied by: values[through_parts + 1].
@@ -111,9 +124,8 @@ CUTICLE_HD AzimuthNodes<Float, Memory> azimuth_nodes(const ThroughTable<Scalar, 
     const int size = table.parts * table.channels, row = table.columns * size, slot = table.azimuth_rows * row;
     const auto direct = part > Float(lobe_count);
     const Float own = math::min(part, Float(table.parts - 1)) * Float(table.channels) + channel;
-    const Index first =
-        Index(at.random ? through_slots * slot : 0) + at.azimuth_row.node * Index(row) + ArrayTraits<Float>::to_index(own);
-    const Index scattered = first + (at.strands.node + Index(1)) * Index(slot);
+    const Index first = at.azimuth_row.node * Index(row) + ArrayTraits<Float>::to_index(own);
+    const Index scattered = first + (at.strands.node + Index(at.random ? strand_nodes : 0)) * Index(slot);
     return {table.azimuth,
             select(direct, first, scattered),
             select(direct, first, Index(scattered + Index(slot))),
@@ -140,7 +152,7 @@ CUTICLE_HD Float transmittance(const TransmittanceTable<Scalar, Memory> &table, 
     const StrandsPlace<Float> at = locate_strands(strands);
     const Place<Float> row = locate_viewer(theta_i, table.rows, Float(table.limit));
     const int slot = table.rows * table.channels;
-    const Index lower = (at.node + Index(random ? through_slots - 1 : 0)) * Index(slot), upper = lower + Index(slot);
+    const Index lower = (at.node + Index(random ? strand_nodes : 0)) * Index(slot), upper = lower + Index(slot);
     return through_energy(between_rows<Float>(table.logs, lower, row, table.channels, 0, channel),
                           between_rows<Float>(table.logs, upper, row, table.channels, 0, channel), Float(0), at);
 }

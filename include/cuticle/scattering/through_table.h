@@ -2,8 +2,8 @@
 // (strand_transport.py), for strands in sheets, one after another, and for a number of them that is random.
 //
 // Four parts are told apart: R, TT and TRT of the strand itself, and what the strands behind it send back. Each is its
-// energy, times a density of azimuth, times a mixture of two energy-conserving M's (two_lobes.py): light that another strand
-// passed on has a peak in theta_i for each of that strand's lobes.
+// energy, times a density of azimuth, times a mixture of three energy-conserving M's (longitudinal_mixtures.py): light that
+// another strand passed on has a peak in theta_i for each of that strand's lobes.
 #ifndef CUTICLE_SCATTERING_THROUGH_TABLE_H
 #define CUTICLE_SCATTERING_THROUGH_TABLE_H
 
@@ -13,17 +13,17 @@
 namespace cuticle {
 
 constexpr int through_parts = lobe_count + 1;
-// First what the strands behind send back of direct light, then all parts for 0 (sheets: 1), 1, 2, 4, 8 and 16 strands.
-constexpr int through_slots = 7;
-constexpr int energy_columns = 2;  // ln of the energy, its bend (through_energy)
-constexpr int along_columns = 5;   // the first M's share, axis and variance, the second's axis and variance
+constexpr int strand_nodes = 6;                    // 0, 1, 2, 4, 8 and 16 strands
+constexpr int energy_columns = 2;                  // ln of the energy, its bend (through_energy)
+constexpr int part_lobes = 3;                      // M's of a part
+constexpr int along_columns = 3 * part_lobes - 1;  // shares of all M's but the last, then each one's axis and variance
 
-// Each table but the last stands twice: for strands that are counted, in sheets, then for a Poisson number of them
-// (`random`).
+// Nodes stand twice: for strands that are counted, in sheets, then for a Poisson number of them (`random`). Light that met
+// counted strands met one at least; at their node of 0 the last part is what the strands behind send back of direct light.
 template <class Scalar, class Memory = const Scalar *> struct ThroughTable {
-    Memory energy;   // [random][slot][row][column][part][channel], theta_r from -limit to limit
-    Memory along;    // [random][slot][along row][column][part][channel], the same theta_r
-    Memory azimuth;  // [random][slot][azimuth row][column][part][channel], the same theta_r; phi from 0 to pi
+    Memory energy;   // [random][node][row][column][part][channel], theta_r from -limit to limit
+    Memory along;    // [random][node][along row][column][part][channel], the same theta_r
+    Memory azimuth;  // [random][node][azimuth row][column][part][channel], the same theta_r; phi from 0 to pi
     Memory behind;   // [row][Behind][channel]
     int rows, along_rows, azimuth_rows, columns, channels;
     Scalar limit;
@@ -82,14 +82,32 @@ CUTICLE_INLINE ThroughPlace<Float> locate(const ThroughTable<Scalar, Memory> &ta
             scattered};
 }
 
-// A part's energy and, along theta_i, two M's, of which the first has a share.
+// A part's energy and, along theta_i, its M's and their shares.
 template <class Value> struct ThroughPart {
-    Value energy, share, axis, variance, second_axis, second_variance;
+    Value energy, share[part_lobes], axis[part_lobes], variance[part_lobes];
 };
 // Their mixture; times cos theta_i it integrates to 1 over theta_i.
 template <class Value> CUTICLE_INLINE Value part_m(const ThroughPart<Value> &part, const Value &theta_i) {
-    return part.share * energy_conserving_m(theta_i, part.axis, part.variance) +
-           (Value(1) - part.share) * energy_conserving_m(theta_i, part.second_axis, part.second_variance);
+    Value sum = Value(0);
+    for (int k = 0; k < part_lobes; ++k)
+        sum = sum + part.share[k] * energy_conserving_m(theta_i, part.axis[k], part.variance[k]);
+    return sum;
+}
+// From the columns of `along`.
+template <class Value> CUTICLE_INLINE ThroughPart<Value> part_of(const Value &energy, const Value columns[along_columns]) {
+    ThroughPart<Value> part;
+    part.energy = energy;
+    part.share[part_lobes - 1] = Value(1);
+    for (int k = 0; k < part_lobes - 1; ++k) {
+        part.share[k] = columns[k];
+        part.share[part_lobes - 1] = part.share[part_lobes - 1] - columns[k];
+    }
+    part.share[part_lobes - 1] = math::max(part.share[part_lobes - 1], Value(0));  // rounding
+    for (int k = 0; k < part_lobes; ++k) {
+        part.axis[k] = columns[part_lobes - 1 + 2 * k];
+        part.variance[k] = columns[part_lobes + 2 * k];
+    }
+    return part;
 }
 
 // How a part of a strand differs from that of the others, for which tables were made: its energy is theirs times `energy`,
@@ -105,13 +123,17 @@ template <class Value> CUTICLE_INLINE Value own_variance(const Value &variance, 
 }
 template <class Value>
 CUTICLE_INLINE ThroughPart<Value> own_part(const ThroughPart<Value> &part, const OwnPart<Value> &own) {
-    return {part.energy * own.energy,    part.share,
-            part.axis + own.tilt,        own_variance(part.variance, own),
-            part.second_axis + own.tilt, own_variance(part.second_variance, own)};
+    ThroughPart<Value> its = part;
+    its.energy = part.energy * own.energy;
+    for (int k = 0; k < part_lobes; ++k) {
+        its.axis[k] = part.axis[k] + own.tilt;
+        its.variance[k] = own_variance(part.variance[k], own);
+    }
+    return its;
 }
 
-// Where a part's values begin in a table, `size` values a slot, for fewer and for more strands. Part through_parts is the
-// backscatter of direct light, the last part of the first slot, whatever the strands.
+// Where a part's values begin in a table, `size` values a node, for fewer and for more strands. Part through_parts is the
+// backscatter of direct light, whatever the strands.
 template <class Index> struct PartSlots {
     Index lower, upper;
 };
@@ -120,35 +142,28 @@ CUTICLE_INLINE PartSlots<typename ArrayTraits<Float>::Index> part_slots(const Th
                                                                         const ThroughPlace<Float> &at, int part, int size) {
     using Index = typename ArrayTraits<Float>::Index;
     const bool direct = part == through_parts;
-    const int first = (at.random ? through_slots * size : 0) + math::min(part, table.parts - 1) * table.channels;
-    const Index lower = direct ? Index(first) : Index(Index(first + size) + at.strands.node * Index(size));
+    const int first = math::min(part, table.parts - 1) * table.channels, random = at.random ? strand_nodes * size : 0;
+    const Index lower = direct ? Index(first) : Index(Index(first + random) + at.strands.node * Index(size));
     return {lower, direct ? lower : Index(lower + Index(size))};
 }
 
-// A column of the M's.
-template <class Value, class Float, class Scalar, class Memory, class Index, class Channel>
-CUTICLE_INLINE Value along_value(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at,
-                                 const PartSlots<Index> &slots, int column, const Channel &channel) {
-    const int one = table.parts * table.channels, size = along_columns * one;
-    return math::linear(between_rows<Value>(table.along, slots.lower, at.along_row, size, column * one, channel),
-                        between_rows<Value>(table.along, slots.upper, at.along_row, size, column * one, channel),
-                        at.strands.t);
-}
 template <class Value, class Float, class Scalar, class Memory, class Channel>
 CUTICLE_INLINE ThroughPart<Value> through_part(const ThroughTable<Scalar, Memory> &table, const ThroughPlace<Float> &at,
                                                int part, const Channel &channel) {
     using Index = typename ArrayTraits<Float>::Index;
-    const int one = table.parts * table.channels, size = energy_columns * one;
+    const int one = table.parts * table.channels, size = energy_columns * one, lobes = along_columns * one;
     const PartSlots<Index> energy = part_slots(table, at, part, table.rows * size);
-    const PartSlots<Index> along = part_slots(table, at, part, table.along_rows * along_columns * one);
-    return {through_energy(between_rows<Value>(table.energy, energy.lower, at.row, size, 0, channel),
-                           between_rows<Value>(table.energy, energy.upper, at.row, size, 0, channel),
-                           between_rows<Value>(table.energy, energy.lower, at.row, size, one, channel), at.strands),
-            along_value<Value>(table, at, along, 0, channel),
-            along_value<Value>(table, at, along, 1, channel),
-            along_value<Value>(table, at, along, 2, channel),
-            along_value<Value>(table, at, along, 3, channel),
-            along_value<Value>(table, at, along, 4, channel)};
+    const PartSlots<Index> along = part_slots(table, at, part, table.along_rows * lobes);
+    Value columns[along_columns];
+    for (int k = 0; k < along_columns; ++k)
+        columns[k] =
+            math::linear(between_rows<Value>(table.along, along.lower, at.along_row, lobes, k * one, channel),
+                         between_rows<Value>(table.along, along.upper, at.along_row, lobes, k * one, channel), at.strands.t);
+    const Value passed =
+        through_energy(between_rows<Value>(table.energy, energy.lower, at.row, size, 0, channel),
+                       between_rows<Value>(table.energy, energy.upper, at.row, size, 0, channel),
+                       between_rows<Value>(table.energy, energy.lower, at.row, size, one, channel), at.strands);
+    return part_of(passed, columns);
 }
 
 // What an end of the strands behind changes: the rates at which the backscatter of direct and of scattered light grows with

@@ -6,8 +6,8 @@
 
 namespace cuticle {
 
-// In single precision one vector, padded with unused lanes; their initial values must be valid arguments, too.
-template <class Float, int N> using Several = Pack<Float, !std::is_same_v<Float, float> ? N : N <= 4 ? 4 : 8>;
+// In single precision whole vectors, padded with unused lanes; their initial values must be valid arguments, too.
+template <class Float, int N> using Several = Pack<Float, !std::is_same_v<Float, float> ? N : N <= 4 ? 4 : N <= 8 ? 8 : 16>;
 
 }  // namespace cuticle
 

@@ -132,7 +132,7 @@ def _tables(props: Any, fibre: Fibre | Chiang, scale: Any, tables: Any) -> None:
 class DrawTables(NamedTuple):
     """What the core's ThroughDraw views (through_draw.h).
 
-    - `lobes`, (along rows, parts, 6): energy by luminance, of the strand's own parts out of their own; two M's, as in
+    - `lobes`, (along rows, parts, 9): energy by luminance, of the strand's own parts out of their own; three M's, as in
       `ThroughTables.along`.
     - `azimuth`, (azimuth rows, parts, columns, 2): density of phi from 0 to pi, and its integral.
     """
@@ -164,11 +164,12 @@ def draw_tables(fibre: Fibre | Chiang, d_b: float) -> DrawTables:
 
 
 def _over_colours(share: Array, along: Array) -> Array:
-    """Two M's for all channels, (rows, parts, 5), from those of each: shares of light, and (rows, 5, parts, channels)."""
-    first, *of_both = np.moveaxis(along, 1, 0)
-    out = [(share * first).sum(axis=2)]
-    for axis, variance, weight in ((*of_both[:2], share * first), (*of_both[2:], share * (1 - first))):
-        weight = weight / np.maximum(weight.sum(axis=2, keepdims=True), 1e-100)
-        mean = (weight * axis).sum(axis=2)
-        out += [mean, (weight * (variance + (axis - mean[..., None]) ** 2)).sum(axis=2)]
+    """Three M's for all channels, (rows, parts, 8), from those of each: shares of light, and (rows, 8, parts, channels)."""
+    first, second, *of_each = np.moveaxis(along, 1, 0)
+    weights = [share * first, share * second, share * np.maximum(1 - first - second, 0)]
+    out = [weight.sum(axis=2) for weight in weights[:2]]
+    for axis, variance, weight in zip(of_each[::2], of_each[1::2], weights, strict=True):
+        out_of_one = weight / np.maximum(weight.sum(axis=2, keepdims=True), 1e-100)
+        mean = (out_of_one * axis).sum(axis=2)
+        out += [mean, (out_of_one * (variance + (axis - mean[..., None]) ** 2)).sum(axis=2)]
     return np.stack(out, axis=2)

@@ -14,12 +14,12 @@ from cuticle import _core
 class ThroughTables(NamedTuple):
     """What the core's ThroughTable views (through_strands.h).
 
-    - `energy`, (2, slots, rows, 2, parts, channels): its log, and how far that lies halfway to the next slot above the mean
+    - `energy`, (2, nodes, rows, 2, parts, channels): its log, and how far that lies halfway to the next node above the mean
       of both. Rows are theta_r from -limit to limit; the first of the 2 are of strands in sheets, the others of a Poisson
-      number of them.
-    - `along`, (2, slots, along rows, 5, parts, channels): of two M's the share of the first, its axis and variance,
-      and those of the second, in theta, radians.
-    - `azimuth`, (2, slots, azimuth rows, columns, parts, channels): densities over phi from 0 to pi, which integrate to 1
+      number of them. Nodes are 0, 1, 2, 4, 8 and 16 strands, direct light's backscatter in place of 0 sheets.
+    - `along`, (2, nodes, along rows, 8, parts, channels): of three M's the shares of the first two, then axis and variance
+      of each, in theta, radians.
+    - `azimuth`, (2, nodes, azimuth rows, columns, parts, channels): densities over phi from 0 to pi, which integrate to 1
       over the whole turn.
     - `behind`, (rows, 3, channels): the rates at which the backscatter of direct and of scattered light grows with the
       strands behind, out of a half space's; and what comes through strands where none stands behind, out of what does

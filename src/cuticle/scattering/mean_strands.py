@@ -46,6 +46,6 @@ def mean_strands(fibre: Fibre | Chiang) -> MeanStrands:
         )
     through = through_tables(fibre)
     energy = through.energy.copy()
-    energy[:, 1:, :, 0, :3] -= np.log(own_energies(fibre))
+    energy[:, :, :, 0, :3] -= np.log(own_energies(fibre))
     alpha, beta = fibre.half_angle_lobes if isinstance(fibre, Chiang) else (fibre.alpha, fibre.beta)
     return MeanStrands(energy, *through[1:], 2 * alpha, 4 * beta**2)

@@ -15,8 +15,8 @@ from cuticle.scattering.azimuthal import azimuthal_tables
 from cuticle.scattering.chiang import Chiang
 from cuticle.scattering.fibre import Fibre
 from cuticle.scattering.fibre_tables import ThroughTables
+from cuticle.scattering.longitudinal_mixtures import longitudinal_mixtures
 from cuticle.scattering.strand_transport import PASSED, Directions, Scattering, StrandTransport, azimuth_cells
-from cuticle.scattering.two_lobes import labelled, two_lobes
 
 Array = NDArray[np.float64]
 # The core's nodes, 0, 1, 2, 4, 8 and 16 strands, and halfway between them.
@@ -24,7 +24,7 @@ _COUNTS = (0, 1, 2, 3, 4, 6, 8, 12, 16)
 _DEPTHS = (0, 1 / 16, 1 / 8, 1 / 2, 1, 3 / 2, 2, 3, 4, 6, 8, 12, 16)
 ALONG_ROWS = 2  # rows of the transport for one of the table of M's
 AZIMUTH_ROWS = 4  # rows of the transport for one of the azimuth table
-COUNTED_2 = 3  # of the slots for sheets, that of 2 of them
+COUNTED_2 = 2  # of the nodes for sheets, that of 2 of them
 _DARKEST = -230.0  # ln of the least energy that keeps its shape
 _APART = math.log(1.6)  # between absorptions that are solved; those between are interpolated
 _OWN = 3  # the first, which are a fibre's own where a range for textures follows, are always solved
@@ -68,11 +68,15 @@ def _tables(fibre: Fibre | Chiang, medium: bool) -> _Tables:
     absorption = np.array(fibre.absorption)
     solved = _solved(absorption)
     columns = [_column(fibre, int(np.argmax(absorption == a)), medium) for a in solved]
-    tables = [_between(solved, np.stack(x, axis=-1), absorption) for x in zip(*columns, strict=True)]
+    energy, over_theta, *others = (np.stack(x, axis=-1) for x in zip(*columns, strict=True))
+    theta = Directions().theta
+    seen = np.moveaxis(over_theta[:, :, :, ::ALONG_ROWS], (3, 4), (0, -1))
+    along = np.moveaxis(longitudinal_mixtures(theta, theta[::ALONG_ROWS], seen), (0, -1), (2, 3))
+    tables = [_between(solved, x, absorption) for x in (energy, along, *others)]
     for table in tables:
         table.setflags(write=False)
     energy, along, azimuth, behind, log_own = tables
-    return _Tables(ThroughTables(energy, along, azimuth, behind, float(Directions().theta[-1])), log_own)
+    return _Tables(ThroughTables(energy, along, azimuth, behind, float(theta[-1])), log_own)
 
 
 @lru_cache(maxsize=16)
@@ -106,19 +110,22 @@ def _between(solved: Array, values: Array, absorption: Array) -> Array:
 
 
 def _column(fibre: Fibre | Chiang, channel: int, medium: bool) -> tuple[Array, ...]:
-    """The tables of one absorption, without their last axis."""
+    """The tables of one absorption, without their last axis.
+
+    In place of M's, energies over theta_i: (2, nodes, parts, rows, rows).
+    """
     d = Directions()
     parts = _parts(fibre, channel, d)
     transport = StrandTransport(parts)
     every = np.eye(d.rows)
     sheets = transport.through_sheets(every, _COUNTS)
     random = _scattered(transport.through_random(every, _DEPTHS, medium=medium))
-    # Slots: direct light's backscatter, then 0 (of sheets: 1), 1, 2, 4, 8, 16 strands. Of a whole number of sheets there is
+    # Nodes: 0, 1, 2, 4, 8, 16 strands, direct light's backscatter in place of 0 sheets. Of a whole number of sheets there is
     # none halfway from 1 to 2: the parabola through 1, 2 and 3 knows it.
     of_sheets, of_random = sheets.sum(axis=-1), random.sum(axis=-1)
     one, two, three = of_sheets[1:4]
     half = np.exp((3 * _log(one) + 6 * _log(two) - _log(three)) / 8)
-    nodes = np.stack([sheets[[0, 1, 1, 2, 4, 6, 8]], random[[0, 1, 4, 6, 8, 10, 12]]])
+    nodes = np.stack([[random[0], *sheets[[1, 2, 4, 6, 8]]], random[[1, 4, 6, 8, 10, 12]]])
     halfway = np.stack([[one, half, *of_sheets[[3, 5, 7]]], of_random[[3, 5, 7, 9, 11]]])
     # A sheet more leaves 1 - share of what is missing; a Poisson number of them, exp(-share b).
     log_own = _log(np.array([p.energy[::-1] for p in parts]).T)
@@ -198,19 +205,19 @@ def longitudinal_cells(d: Directions, axis: Array, variance: Array) -> Array:
 
 
 def _of_parts(d: Directions, seen: Array, halfway: Array) -> tuple[Array, Array, Array]:
-    """The tables of energy, of M's and of azimuths, from energies at slots in each row of theta_i.
+    """The tables of energy and of azimuths, and between them energies over theta_i, from energies at nodes of strands.
 
-    `seen`: (2, slots, parts, nodes, rows, rows of theta_i). `halfway`: those of all theta_i halfway to the next slot.
+    `seen`: (2, nodes, parts, azimuths, rows, rows of theta_i). `halfway`: those of all theta_i halfway to the next node.
     """
     seen, halfway = seen[..., ::-1, :], halfway[..., ::-1]  # rows are directions of travel: theta_r is their other sign
     along = np.maximum(np.einsum("asjnrt,n->asjrt", seen, d.node_weights), 0)
     log_energy = _log(along.sum(axis=-1)).swapaxes(2, 3)
     bend = np.zeros(log_energy.shape)
     between = _log(np.einsum("asjnr,n->asrj", halfway, d.node_weights))
-    bend[:, 1:-1] = between - 0.5 * (log_energy[:, 1:-1] + log_energy[:, 2:])
+    bend[:, :-1] = between - 0.5 * (log_energy[:, :-1] + log_energy[:, 1:])
+    bend[0, 0] = 0
     density = np.maximum(np.moveaxis(seen.sum(axis=-1), (2, 4), (4, 2))[:, :, ::AZIMUTH_ROWS], 0)
     total = np.einsum("asrnj,n->asrj", density, d.node_weights)[:, :, :, None]
     uniform = total <= math.exp(_DARKEST)
     azimuth = np.where(uniform, 0.5 / np.pi, density / np.where(uniform, 1, total))
-    two = labelled(d.theta, two_lobes(d.theta, along[..., ::ALONG_ROWS, :]), along[..., 1::ALONG_ROWS, :])
-    return np.stack([log_energy, bend], axis=3), np.moveaxis(two, 2, 4), azimuth
+    return np.stack([log_energy, bend], axis=3), along, azimuth
