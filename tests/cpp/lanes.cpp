@@ -160,7 +160,7 @@ template <class Float> int compare_model(cuticle::Formulation formulation, std::
             for (const double x : middles)
                 for (int j = 0; j < cuticle::through_parts * channels; ++j) table.push_back(Float(x + .1 * uniform(-1, 1)));
     };
-    fill({-1., .05}, energy);            // log energy, bend
+    fill({-1., .05}, energy);                         // log energy, bend
     fill({.5, .3, 0., .2, .3, .15, -.2, .4}, along);  // two shares, then axis and variance of three M's
     for (int i = 0; i < nodes * azimuth_rows * turns * cuticle::through_parts * channels; ++i)
         azimuth.push_back(uniform(.05, .3));
