@@ -19,7 +19,9 @@ from cuticle.scattering.any_fibre import DEGREES, FORMS, OF_R, Parameter
 from cuticle.scattering.bcsdf import luminance_weights
 from cuticle.scattering.chiang import RANGES, Chiang
 from cuticle.scattering.fibre import Fibre
+from cuticle.scattering.longitudinal_mixtures import in_rows, longitudinal_mixtures
 from cuticle.scattering.mean_strands import mean_strands
+from cuticle.scattering.strand_transport import Directions
 from cuticle.scattering.through_strands import (
     ALONG_ROWS,
     AZIMUTH_ROWS,
@@ -164,12 +166,9 @@ def draw_tables(fibre: Fibre | Chiang, d_b: float) -> DrawTables:
 
 
 def _over_colours(share: Array, along: Array) -> Array:
-    """Three M's for all channels, (rows, parts, 8), from those of each: shares of light, and (rows, 8, parts, channels)."""
-    first, second, *of_each = np.moveaxis(along, 1, 0)
-    weights = [share * first, share * second, share * np.maximum(1 - first - second, 0)]
-    out = [weight.sum(axis=2) for weight in weights[:2]]
-    for axis, variance, weight in zip(of_each[::2], of_each[1::2], weights, strict=True):
-        out_of_one = weight / np.maximum(weight.sum(axis=2, keepdims=True), 1e-100)
-        mean = (out_of_one * axis).sum(axis=2)
-        out += [mean, (out_of_one * (variance + (axis - mean[..., None]) ** 2)).sum(axis=2)]
-    return np.stack(out, axis=2)
+    """M's for all channels, (rows, parts, 8), from those of each: shares of light, and (rows, 8, parts, channels)."""
+    of_each = np.moveaxis(along, 1, -1)
+    if of_each.shape[2] == 1:
+        return of_each[:, :, 0]
+    theta = Directions().theta
+    return longitudinal_mixtures(theta, theta[::ALONG_ROWS], (share[..., None] * in_rows(theta, of_each)).sum(axis=2))

@@ -67,6 +67,12 @@ def longitudinal_mixtures(theta: Array, viewers: Array, energy: Array) -> Array:
     return np.concatenate([shares[..., :-1], np.stack([axes, variances], axis=-1).reshape(*axes.shape[:-1], -1)], axis=-1)
 
 
+def in_rows(theta: Array, mixtures: Array) -> Array:
+    """Return what mixtures, as `longitudinal_mixtures` returns them, put into each row, out of 1: shape (..., rows)."""
+    shares = np.append(mixtures[..., :2], np.maximum(1 - mixtures[..., :2].sum(axis=-1, keepdims=True), 0), axis=-1)
+    return _summed(theta, np.stack([shares, mixtures[..., 2::2], mixtures[..., 3::2]]))
+
+
 def _followed(theta: Array, viewers: Array, share: Array, start: tuple[tuple[float, ...], tuple[float, ...]]) -> Array:
     """Shares, axes and variances, (3, viewers, n, M's), for energies out of 1, from the middle viewer outward."""
     axes, variances = np.array(start)
@@ -95,9 +101,13 @@ def _inside(theta: Array) -> Array:
 
 def _lost(theta: Array, share: Array, found: Array) -> Array:
     """1 - ESS, the mean over viewers."""
-    weights, axes, variances = found
-    mixture = (weights[..., None] * _in_rows(theta, axes, variances)).sum(axis=-2)
-    return np.asarray((1 - 1 / (share**2 / np.maximum(mixture, _UNREACHED)).sum(axis=-1)).mean(axis=0), np.float64)
+    return np.asarray((1 - 1 / (share**2 / np.maximum(_summed(theta, found), _UNREACHED)).sum(axis=-1)).mean(axis=0), float)
+
+
+def _summed(theta: Array, found: Array) -> Array:
+    """What shares, axes and variances, (3, ..., M's), put into each row."""
+    shares, axes, variances = found
+    return np.asarray((shares[..., None] * _in_rows(theta, axes, variances)).sum(axis=-2), np.float64)
 
 
 def axis_and_variance(first: Array, second: Array) -> tuple[Array, Array]:
