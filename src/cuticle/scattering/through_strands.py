@@ -73,9 +73,10 @@ def _tables(fibre: Fibre | Chiang, medium: bool) -> _Tables:
     seen = np.moveaxis(over_theta[:, :, :, ::ALONG_ROWS], (3, 4), (0, -1))
     along = np.moveaxis(longitudinal_mixtures(theta, theta[::ALONG_ROWS], seen), (0, -1), (2, 3))
     tables = [_between(solved, x, absorption) for x in (energy, along, *others)]
+    energy, along, azimuth, behind, log_own = tables
+    along[:, :, :, 1] = np.minimum(along[:, :, :, 1], 1 - along[:, :, :, 0])  # interpolated apart, both might be over 1
     for table in tables:
         table.setflags(write=False)
-    energy, along, azimuth, behind, log_own = tables
     return _Tables(ThroughTables(energy, along, azimuth, behind, float(theta[-1])), log_own)
 
 
