@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from cuticle import Chiang, Strands, _core, family, measure
+from cuticle.scattering import among_strands
 from cuticle.scattering.longitudinal_mixtures import axis_and_variance, longitudinal_mixtures
 from cuticle.scattering.strand_transport import Directions
 from cuticle.scattering.through_strands import _solved, through_tables
@@ -57,7 +60,7 @@ def test_a_known_mixture_is_recovered() -> None:
     off = apart(longitudinal_mixtures(D.theta, VIEWERS, 7 * in_rows(known)), known)  # any unit
     # One M is off by 0.3 to 0.6 on average. Of the last mixture two peaks of three are told apart.
     assert off.max() < 0.08
-    assert (off.mean(axis=0) < [0.02, 0.02, 0.02, 0.08]).all()
+    assert (off.mean(axis=0) < [0.02, 0.06, 0.06, 0.08]).all()
 
 
 @pytest.mark.parametrize(("deviation", "bound"), [(4, 0.06), (10, 0.01), (25, 0.01), (60, 0.01)])
@@ -89,7 +92,7 @@ TILTED = {
 }
 
 
-@pytest.mark.parametrize(("fibre", "bounds"), [("dark", [0.96, 0.88, 0.88, 0.96]), ("smooth", [0.9, 0.9, 0.95, 0.97])])
+@pytest.mark.parametrize(("fibre", "bounds"), [("dark", [0.96, 0.88, 0.88, 0.96]), ("smooth", [0.86, 0.92, 0.95, 0.97])])
 def test_three_peaks_are_told_apart(fibre: str, bounds: list[float]) -> None:
     """Tilted fibres, whose light has a peak for each lobe of the strand before: with two M's .60 and .85 at worst.
 
@@ -100,6 +103,15 @@ def test_three_peaks_are_told_apart(fibre: str, bounds: list[float]) -> None:
         sampler, model = among.sampler_at(TILTED[fibre], strands=strands), Strands(TILTED[fibre]).with_strands(strands)
         for viewer in (-60, -40, 6, 31, 52, 70):
             assert measure(sampler, model, np.radians(viewer)).ess > bound, (strands, viewer)
+
+
+def test_rows_half_as_wide_find_the_same_peaks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What both the tables and `Strands` lose in rows of 4° would not be seen above."""
+    sampler = family("dual_scattering", TILTED["smooth"], d_f=0.7, d_b=0.7).sampler_at(TILTED["smooth"], strands=2)
+    monkeypatch.setattr(among_strands, "Directions", partial(Directions, rows=91))
+    model = Strands(TILTED["smooth"]).with_strands(2)
+    for viewer in (-32, 10):
+        assert measure(sampler, model, np.radians(viewer)).ess > 0.95, viewer
 
 
 def test_energies_of_nothing_are_finite() -> None:

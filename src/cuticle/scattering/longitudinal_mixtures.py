@@ -17,7 +17,7 @@ from cuticle import _core
 Array = NDArray[np.float64]
 # The M's at the start: axes in deviations of the single M from its own, variances out of its. The second is tried where the
 # first loses more of ESS than `_POOR`, and taken where it loses less than `_BETTER` of that.
-_STARTS = ((0.0, 0.0, 0.0), (0.15, 0.7, 2.0)), ((-1.0, 1.0, 0.0), (0.2, 0.2, 1.5))
+_STARTS = ((0.0, 0.0, 0.0), (0.15, 0.7, 2.0)), ((-1.5, 1.5, 0.0), (0.3, 0.3, 0.3))
 _POOR, _BETTER = 0.01, 0.7
 _STEPS, _SETTLED = 60, 5  # for the first viewer; at order 1 before
 _STEPS_ON = 8  # for each that follows
