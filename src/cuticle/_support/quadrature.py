@@ -14,7 +14,7 @@ _UNIFORM = 0.35  # share of the cells spread evenly, the rest by where the densi
 
 
 class Grid(NamedTuple):
-    """Points and their weights along theta (A,) and phi (B,), radians: a product rule."""
+    """Points and their weights along theta (..., A) and phi (..., B), radians: a product rule, or several."""
 
     theta: Array
     theta_weight: Array
@@ -23,8 +23,8 @@ class Grid(NamedTuple):
 
     @property
     def weights(self) -> Array:
-        """Weights in d theta d phi, shape (A, B)."""
-        return np.outer(self.theta_weight, self.phi_weight)
+        """Weights in d theta d phi, shape (..., A, B)."""
+        return self.theta_weight[..., :, None] * self.phi_weight[..., None, :]
 
 
 def grid(theta_edges: Array, phi_edges: Array, order: int = 1) -> Grid:
@@ -38,20 +38,21 @@ def adapted_edges(
     """Return edges along theta and phi of cells that lie where `density` (per d theta d phi) has its mass.
 
     `coarse` and `fine` are numbers of cells over theta and over half the azimuth; an even density is covered on
-    phi in [0, pi] only, another on [-pi, pi].
+    phi in [0, pi] only, another on [-pi, pi]. Densities (..., A, B) of several functions have edges (..., cells + 1) each.
     """
     low, factor = (0.0, 1) if even else (-np.pi, 2)
     theta = np.linspace(-np.pi / 2, np.pi / 2, coarse[0] + 1)
     phi = np.linspace(low, np.pi, coarse[1] * factor + 1)
     mass = density(grid(theta, phi))
-    return _share(theta, mass.sum(axis=1), fine[0]), _share(phi, mass.sum(axis=0), fine[1] * factor)
+    return _share(theta, mass.sum(axis=-1), fine[0]), _share(phi, mass.sum(axis=-2), fine[1] * factor)
 
 
 def gauss_legendre(edges: Array, order: int) -> tuple[Array, Array]:
-    """Return nodes and weights of the composite Gauss-Legendre rule between edges."""
+    """Return nodes and weights, (..., cells * order), of the Gauss-Legendre rule in each cell between edges (..., cells + 1)."""
     x, w = _leggauss(order)
-    half = 0.5 * np.diff(edges)[:, None]
-    return (edges[:-1, None] + half * (1 + x)).ravel(), (half * w).ravel()
+    half = 0.5 * np.diff(edges)[..., None]
+    shape = (*edges.shape[:-1], -1)
+    return (edges[..., :-1, None] + half * (1 + x)).reshape(shape), (half * w).reshape(shape)
 
 
 def trapezoid(x: Array) -> Array:
@@ -63,7 +64,9 @@ _leggauss = lru_cache(np.polynomial.legendre.leggauss)
 
 
 def _share(edges: Array, mass: Array, count: int) -> Array:
-    """Return edges of `count` cells, each with a like share of mass and of length."""
+    """Return edges of `count` cells, each with a like share of mass (..., cells) and of length."""
+    if mass.ndim > 1:
+        return np.array([_share(edges, m, count) for m in mass])
     total = mass.sum()
     spread = np.diff(edges) / (edges[-1] - edges[0])
     share = (1 - _UNIFORM) * mass / total + _UNIFORM * spread if total > 0 else spread

@@ -126,7 +126,8 @@ def fit(
     if form == "document":
         report("closed forms", 0.5)
         angles = np.clip(np.linspace(-np.pi / 2, np.pi / 2, DOCUMENT_NODES), -END, END)
-        targets = make_targets([with_strands(n) for n in counts for _ in angles], [*angles] * len(counts), objective)
+        models = [m for m in map(with_strands, counts) for _ in angles]
+        targets = make_targets(models, [*angles] * len(counts), objective)
         nodes = document_nodes(counts, defensive, functions)
         ess = ess_of(targets, nodes.reshape(-1, *nodes.shape[2:]))
         lowest = _lowest(ess, np.repeat(counts, len(angles)), np.tile(angles, len(counts)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from cuticle.scattering.bcsdf import Bcsdf, evaluate, is_even, luminance
 OBJECTIVES = ("luminance", "rgb")
 _COARSE = (150, 36)
 _FINE = (56, 36)
+_AT_ONCE = 16  # viewers of one model that are tabulated together: their values fit a cache
 
 
 class Targets(NamedTuple):
@@ -61,28 +63,32 @@ class Targets(NamedTuple):
 
 
 def objective_density(values: NDArray[np.float64], weights: NDArray[np.float64], objective: str) -> NDArray[np.float64]:
-    """Return q ≥ 0 whose ∫ q²/p is what the objective minimises.
+    """Return q ≥ 0, (..., A, B), whose ∫ q²/p is what the objective minimises.
 
-    "luminance": the luminance of `values`. "rgb": 1/ESS averaged over channels is ∫ q²/p for q² the mean over
-    channels of (f_c/∫f_c)²; `weights` are the cells' measures.
+    "luminance": the luminance of `values` (..., A, B, channels). "rgb": 1/ESS averaged over channels is ∫ q²/p for q² the
+    mean over channels of (f_c/∫f_c)²; `weights` (..., A, B) are the cells' measures.
     """
     if objective == "luminance":
         return luminance(values)
-    total = np.tensordot(weights, values, axes=weights.ndim)
+    total = (weights[..., None] * values).sum(axis=(-3, -2), keepdims=True)
     return np.sqrt(np.mean((values / np.maximum(total, 1e-300)) ** 2, axis=-1))
 
 
 def make_targets(models: Sequence[Bcsdf], theta_r: Sequence[float], objective: str, family: str = NORMAL) -> Targets:
-    """Tabulate each (model, theta_r) pair as a target."""
+    """Tabulate each (model, theta_r) pair as a target; neighbours of one model together."""
     even = is_even(models[0])
-    built = [_target(m, t, even, objective) for m, t in zip(models, theta_r, strict=True)]
-    c = [np.array(column) for column in zip(*built, strict=True)]
+    built = []
+    for _, of_one in groupby(zip(models, theta_r, strict=True), lambda pair: id(pair[0])):
+        of_model, at = zip(*of_one, strict=True)
+        for i in range(0, len(at), _AT_ONCE):
+            built.append(_targets(of_model[0], np.array(at[i : i + _AT_ONCE]), even, objective))
+    c = [np.concatenate(column) for column in zip(*built, strict=True)]
     return Targets(c[0], c[1], c[2], c[3], c[4], c[5], even, family)
 
 
-def _target(model: Bcsdf, theta_r: float, even: bool, objective: str) -> tuple:
+def _targets(model: Bcsdf, theta_r: NDArray[np.float64], even: bool, objective: str) -> tuple[NDArray[np.float64], ...]:
     def values(g: Grid) -> NDArray[np.float64]:
-        return evaluate(model, g.theta, theta_r, g.phi) * np.cos(g.theta)[:, None, None]  # per d theta d phi
+        return evaluate(model, g.theta, theta_r, g.phi) * np.cos(g.theta)[..., :, None, None]  # per d theta d phi
 
     edges = adapted_edges(
         lambda c: objective_density(values(c), c.weights, objective), even=even, coarse=_COARSE, fine=_FINE
@@ -90,8 +96,9 @@ def _target(model: Bcsdf, theta_r: float, even: bool, objective: str) -> tuple:
     g = grid(*edges)
     f = values(g)
     q = objective_density(f, g.weights, objective)
-    total = float((g.weights * q).sum())
-    if not total > 0:
-        raise ValueError(f"the model scatters nothing toward theta_r {np.degrees(theta_r):.4g}°: there is nothing to sample")
-    energy = float((g.weights * luminance(f)).sum()) * (2 if even else 1)
-    return q / total, g.theta, g.theta_weight, g.phi, g.phi_weight, energy
+    total = (g.weights * q).sum(axis=(1, 2))
+    if not (total > 0).all():
+        nowhere = np.degrees(theta_r[np.argmin(total > 0)])
+        raise ValueError(f"the model scatters nothing toward theta_r {nowhere:.4g}°: there is nothing to sample")
+    energy = (g.weights * luminance(f)).sum(axis=(1, 2)) * (2 if even else 1)
+    return q / total[:, None, None], g.theta, g.theta_weight, g.phi, g.phi_weight, energy

@@ -25,7 +25,8 @@ class Sample(NamedTuple):
 class Bcsdf(Protocol):
     """A scattering function: any object with this `eval`.
 
-    A model with f(phi) = f(-phi) should set `even = True`; one lobe then serves both sides. The default is False.
+    A model with f(phi) = f(-phi) should set `even = True`; one lobe then serves both sides. One that is faster at many
+    theta_r than one by one may set `many_viewers = True`; a fit then asks for several at once. Both are False by default.
     """
 
     def eval(self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike) -> NDArray[np.float64]:
@@ -82,22 +83,31 @@ def with_strands(model: Any, strands: float) -> Any:
     return model.with_strands(strands) if hasattr(model, "with_strands") else model
 
 
-def evaluate(model: Bcsdf, theta_i: NDArray, theta_r: float, phi: NDArray) -> NDArray[np.float64]:
-    """Return f·cos(theta_i) on the product of two axes, shape (A, B, channels); raise ValueError for NaN or f < 0."""
-    f = validate.real("what model.eval returns", model.eval(theta_i[:, None], theta_r, phi[None, :]))
+def evaluate(model: Bcsdf, theta_i: NDArray, theta_r: float | NDArray, phi: NDArray) -> NDArray[np.float64]:
+    """Return f·cos(theta_i) on the product of two axes, (A, B, channels); raise ValueError for NaN or f < 0.
+
+    Of several viewers (E,), whose axes may be their own, (E, A) and (E, B): (E, A, B, channels).
+    """
+    if isinstance(theta_r, np.ndarray) and not getattr(model, "many_viewers", False):
+        axes = (np.broadcast_to(x, (len(theta_r), x.shape[-1])) for x in (theta_i, phi))
+        return np.array([evaluate(model, ti, float(tr), ph) for tr, ti, ph in zip(theta_r, *axes, strict=True)])
+    viewers = theta_r[:, None, None] if isinstance(theta_r, np.ndarray) else theta_r
+    angles = theta_i[..., :, None], viewers, phi[..., None, :]
+    f = validate.real("what model.eval returns", model.eval(*angles))
     f = np.asarray(f, np.float64)
-    shape = (len(theta_i), len(phi))
-    if f.ndim != 3 or f.shape[:2] != shape:
+    shape = np.broadcast_shapes(*map(np.shape, angles))
+    if f.shape[:-1] != shape:
         raise ValueError(
             f"model.eval must return shape {(*shape, 'channels')} for angles that broadcast to {shape}, got {f.shape}"
         )
     if not np.isfinite(f).all() or (f < 0).any():
-        a, b, c = (int(i) for i in np.argwhere(~(np.isfinite(f) & (f >= 0)))[0])
+        at = tuple(np.argwhere(~(np.isfinite(f) & (f >= 0)))[0])
+        there = [float(np.broadcast_to(x, shape)[at[:-1]]) for x in angles]
         raise ValueError(
-            f"model.eval must be finite and at least 0, got {f[a, b, c]:g} at theta_i {theta_i[a]:.4g},"
-            f" theta_r {theta_r:.4g}, phi {phi[b]:.4g} rad"
+            f"model.eval must be finite and at least 0, got {f[at]:g} at theta_i {there[0]:.4g},"
+            f" theta_r {there[1]:.4g}, phi {there[2]:.4g} rad"
         )
-    return f * np.cos(theta_i)[:, None, None]
+    return f * np.cos(theta_i)[..., :, None, None]
 
 
 def luminance_weights(channels: int) -> NDArray[np.float64]:

@@ -73,6 +73,7 @@ class Chiang(TomlModel, Plotted):
 
     table_name = "chiang"
     table_remedy = "such as beta_m = 0.3"
+    many_viewers = True
 
     beta_m: float = 0.3
     beta_n: float = 0.3

@@ -99,6 +99,7 @@ class DualScattering(Value, Plotted):
     strands: float = 0.0
     formulation: str | None = None
     even = True
+    many_viewers = True
 
     def __post_init__(self) -> None:
         check_fibre(self.fibre)
@@ -136,20 +137,24 @@ class DualScattering(Value, Plotted):
         """`Averages` at `average_inclinations()`, shape (rows, 9, channels)."""
         return _averages(self.fibre, str(self.formulation))
 
-    def _among(self, *, medium: bool) -> _core.Model:
+    def _among(self, random: str | None) -> _core.Model:
         f, tables = self.fibre, self.single.tables
         if self._exact:
-            return _core.Model(f.alpha, f.beta, tables.direct, *through_tables(f, medium=medium), f.d_f, f.d_b)
+            return _core.Model(f.alpha, f.beta, tables.direct, *through_tables(f, random=random), f.d_f, f.d_b)
         averages = self.average_table
         return _core.Model(f.alpha, f.beta, tables.direct, tables.spread, averages, f.d_f, f.d_b)
 
     @cached_property
-    def _medium(self) -> _core.Model:
-        return self._among(medium=self._exact)
+    def _core(self) -> _core.Model:
+        return self._among(None)
 
     @cached_property
-    def _core(self) -> _core.Model:
-        return self._among(medium=False)
+    def _lock(self) -> _core.Model:
+        return self._among("lock")
+
+    @cached_property
+    def _medium(self) -> _core.Model:
+        return self._among("medium")
 
     def host_tables(self) -> FibreTables:
         """Return what the core's closed forms read, in single precision."""
@@ -230,7 +235,7 @@ class DualScattering(Value, Plotted):
         if behind is not None and not self._exact:
             raise ValueError('behind is for the formulation "exact"; "zinke2008" stays as printed: leave behind out')
         b = np.array(np.finfo(np.float64).max) if behind is None else validate.strands_of_light("behind", behind)
-        core = self._medium if behind is None else self._core
+        core = self._medium if behind is None else self._lock
         return evaluate_core(core, self.channels, lobe_mask(lobes, PARTS), theta_i, theta_r, phi, n, b)
 
 

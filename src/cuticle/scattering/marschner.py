@@ -43,6 +43,7 @@ class Marschner(Value, Plotted):
     fibre: Fibre
     longitudinal: str = "gaussian"
     even = True
+    many_viewers = True
     strands = 0.0
 
     def __post_init__(self) -> None:

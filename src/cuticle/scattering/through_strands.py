@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -30,12 +33,19 @@ _APART = math.log(1.6)  # between absorptions that are solved; those between are
 _OWN = 3  # the first, which are a fibre's own where a range for textures follows, are always solved
 
 
-def through_tables(fibre: Fibre | Chiang, *, medium: bool = False) -> ThroughTables:
-    """Return the tables of a fibre, one column an absorption: for sheets, and for a lock or a medium.
+def through_tables(fibre: Fibre | Chiang, *, random: str | None = "lock") -> ThroughTables:
+    """Return the tables of a fibre, one column an absorption: for sheets, and for a random number of strands.
 
-    Of Chiang's fibres the orders past TRT are in TRT.
+    `random`: "lock", "medium", or None for sheets alone, which are half the work; then the first axes are 1 long. Of
+    Chiang's fibres the orders past TRT are in TRT.
     """
-    return _tables(_plain(fibre), medium).through
+    sheets = _sheets(_plain(fibre)).through
+    if random is None:
+        return sheets
+    both = zip(sheets[:3], _random(_plain(fibre), random), strict=True)
+    # Direct light, the first of each: it is sent back by sheets, as by a lock, or by a medium.
+    halves = ([np.concatenate([r[:, :1], s[:, 1:]], axis=1), r[:, 1:]] for s, r in both)
+    return ThroughTables(*map(np.concatenate, halves), *sheets[3:])
 
 
 def passed_through(fibre: Fibre | Chiang) -> tuple[Array, float]:
@@ -48,10 +58,10 @@ def own_energies(fibre: Fibre | Chiang) -> Array:
 
     Shape (rows, 3, channels); at least exp(-230), as in the tables.
     """
-    return np.exp(_tables(_plain(fibre), False).log_own)
+    return np.exp(_sheets(_plain(fibre)).log_own)
 
 
-class _Tables(NamedTuple):
+class _Sheets(NamedTuple):
     through: ThroughTables
     log_own: Array
 
@@ -64,20 +74,41 @@ def _plain(fibre: Fibre | Chiang) -> Fibre | Chiang:
 
 
 @lru_cache(maxsize=16)
-def _tables(fibre: Fibre | Chiang, medium: bool) -> _Tables:
+def _sheets(fibre: Fibre | Chiang) -> _Sheets:
+    energy, along, azimuth, behind, log_own = _columns(fibre, _through_sheets)
+    return _Sheets(ThroughTables(energy, along, azimuth, behind, float(Directions().theta[-1])), log_own)
+
+
+@lru_cache(maxsize=16)
+def _random(fibre: Fibre | Chiang, arrangement: str) -> list[Array]:
+    return _columns(fibre, lambda transport: _through_random(transport, arrangement == "medium"))
+
+
+def _columns(fibre: Fibre | Chiang, column: Callable[[StrandTransport], tuple[Array, ...]]) -> list[Array]:
+    """Tables of one arrangement of strands, for all absorptions, with a first axis of 1.
+
+    `column` returns those of one absorption, without the first axis and the last, with energies over theta_i in place of the
+    second's M's.
+    """
     absorption = np.array(fibre.absorption)
-    solved = _solved(absorption)
-    columns = [_column(fibre, int(np.argmax(absorption == a)), medium) for a in solved]
+    solved, theta = _solved(absorption), Directions().theta
+    with ThreadPoolExecutor(os.cpu_count()) as threads:  # they wait for linear algebra, outside the interpreter
+        columns = list(threads.map(column, _transports(fibre)))
     energy, over_theta, *others = (np.stack(x, axis=-1) for x in zip(*columns, strict=True))
-    theta = Directions().theta
-    seen = np.moveaxis(over_theta[:, :, :, ::ALONG_ROWS], (3, 4), (0, -1))
-    along = np.moveaxis(longitudinal_mixtures(theta, theta[::ALONG_ROWS], seen), (0, -1), (2, 3))
-    tables = [_between(solved, x, absorption) for x in (energy, along, *others)]
-    energy, along, azimuth, behind, log_own = tables
-    along[:, :, :, 1] = np.minimum(along[:, :, :, 1], 1 - along[:, :, :, 0])  # interpolated apart, both might be over 1
+    seen = np.moveaxis(over_theta[:, :, ::ALONG_ROWS], (2, 3), (0, -1))
+    along = np.moveaxis(longitudinal_mixtures(theta, theta[::ALONG_ROWS], seen), (0, -1), (1, 2))
+    energy, along, *others = (_between(solved, x, absorption) for x in (energy, along, *others))
+    along[:, :, 1] = np.minimum(along[:, :, 1], 1 - along[:, :, 0])  # interpolated apart, both might be over 1
+    tables = [energy[None], along[None], others[0][None], *others[1:]]
     for table in tables:
         table.setflags(write=False)
-    return _Tables(ThroughTables(energy, along, azimuth, behind, float(theta[-1])), log_own)
+    return tables
+
+
+@lru_cache(maxsize=1)  # for the other arrangement of the same fibre
+def _transports(fibre: Fibre | Chiang) -> list[StrandTransport]:
+    absorption = np.array(fibre.absorption)
+    return [StrandTransport(_parts(fibre, int(np.argmax(absorption == a)), Directions())) for a in _solved(absorption)]
 
 
 @lru_cache(maxsize=16)
@@ -110,27 +141,26 @@ def _between(solved: Array, values: Array, absorption: Array) -> Array:
     return out
 
 
-def _column(fibre: Fibre | Chiang, channel: int, medium: bool) -> tuple[Array, ...]:
-    """The tables of one absorption, without their last axis.
-
-    In place of M's, energies over theta_i: (2, nodes, parts, rows, rows).
-    """
-    d = Directions()
-    parts = _parts(fibre, channel, d)
-    transport = StrandTransport(parts)
-    every = np.eye(d.rows)
-    sheets = transport.through_sheets(every, _COUNTS)
-    random = _scattered(transport.through_random(every, _DEPTHS, medium=medium))
-    # Nodes: 0, 1, 2, 4, 8, 16 strands, direct light's backscatter in place of 0 sheets. Of a whole number of sheets there is
-    # none halfway from 1 to 2: the parabola through 1, 2 and 3 knows it.
-    of_sheets, of_random = sheets.sum(axis=-1), random.sum(axis=-1)
-    one, two, three = of_sheets[1:4]
+def _through_sheets(transport: StrandTransport) -> tuple[Array, ...]:
+    """Columns of energy, of energies over theta_i (nodes, parts, rows, rows), of azimuth, of `behind`, of own energies."""
+    seen = transport.through_sheets(np.eye(transport.directions.rows), _COUNTS)
+    # Nodes: 0, 1, 2, 4, 8, 16 strands; of 0 there is direct light's backscatter. Of a whole number of sheets there is none
+    # halfway from 1 to 2: the parabola through 1, 2 and 3 knows it.
+    total = seen.sum(axis=-1)
+    one, two, three = total[1:4]
     half = np.exp((3 * _log(one) + 6 * _log(two) - _log(three)) / 8)
-    nodes = np.stack([[random[0], *sheets[[1, 2, 4, 6, 8]]], random[[1, 4, 6, 8, 10, 12]]])
-    halfway = np.stack([[one, half, *of_sheets[[3, 5, 7]]], of_random[[3, 5, 7, 9, 11]]])
-    # A sheet more leaves 1 - share of what is missing; a Poisson number of them, exp(-share b).
-    log_own = _log(np.array([p.energy[::-1] for p in parts]).T)
-    return *_of_parts(d, nodes, halfway), transport.one_behind()[:, ::-1].T, log_own
+    log_own = _log(np.array([p.energy[::-1] for p in transport.parts]).T)
+    tables = _of_parts(transport.directions, seen[[0, 1, 2, 4, 6, 8]], np.stack([one, half, *total[[3, 5, 7]]]))
+    tables[0][0, :, 1] = 0  # from none to one nothing is interpolated
+    return *tables, transport.one_behind()[:, ::-1].T, log_own
+
+
+def _through_random(transport: StrandTransport, medium: bool) -> tuple[Array, ...]:
+    """The same of energy, of energies over theta_i, and of azimuth, for direct light and a Poisson number of strands."""
+    seen = _scattered(transport.through_random(np.eye(transport.directions.rows), _DEPTHS, medium=medium))
+    tables = _of_parts(transport.directions, seen[[0, 1, 4, 6, 8, 10, 12]], seen[[0, 3, 5, 7, 9, 11]].sum(axis=-1))
+    tables[0][0, :, 1] = 0
+    return tables
 
 
 def transmittance_table(passed: Array) -> Array:
@@ -208,17 +238,16 @@ def longitudinal_cells(d: Directions, axis: Array, variance: Array) -> Array:
 def _of_parts(d: Directions, seen: Array, halfway: Array) -> tuple[Array, Array, Array]:
     """The tables of energy and of azimuths, and between them energies over theta_i, from energies at nodes of strands.
 
-    `seen`: (2, nodes, parts, azimuths, rows, rows of theta_i). `halfway`: those of all theta_i halfway to the next node.
+    `seen`: (nodes, parts, azimuths, rows, rows of theta_i). `halfway`: those of all theta_i halfway to the next node.
     """
     seen, halfway = seen[..., ::-1, :], halfway[..., ::-1]  # rows are directions of travel: theta_r is their other sign
-    along = np.maximum(np.einsum("asjnrt,n->asjrt", seen, d.node_weights), 0)
-    log_energy = _log(along.sum(axis=-1)).swapaxes(2, 3)
+    along = np.maximum(np.einsum("sjnrt,n->sjrt", seen, d.node_weights), 0)
+    log_energy = _log(along.sum(axis=-1)).swapaxes(1, 2)
     bend = np.zeros(log_energy.shape)
-    between = _log(np.einsum("asjnr,n->asrj", halfway, d.node_weights))
-    bend[:, :-1] = between - 0.5 * (log_energy[:, :-1] + log_energy[:, 1:])
-    bend[0, 0] = 0
-    density = np.maximum(np.moveaxis(seen.sum(axis=-1), (2, 4), (4, 2))[:, :, ::AZIMUTH_ROWS], 0)
-    total = np.einsum("asrnj,n->asrj", density, d.node_weights)[:, :, :, None]
+    between = _log(np.einsum("sjnr,n->srj", halfway, d.node_weights))
+    bend[:-1] = between - 0.5 * (log_energy[:-1] + log_energy[1:])
+    density = np.maximum(np.moveaxis(seen.sum(axis=-1), (1, 3), (3, 1))[:, ::AZIMUTH_ROWS], 0)
+    total = np.einsum("srnj,n->srj", density, d.node_weights)[:, :, None]
     uniform = total <= math.exp(_DARKEST)
     azimuth = np.where(uniform, 0.5 / np.pi, density / np.where(uniform, 1, total))
-    return np.stack([log_energy, bend], axis=3), along, azimuth
+    return np.stack([log_energy, bend], axis=2), along, azimuth
