@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from command import refused, run
-from cuticle.reference import check, make
+from cuticle.reference import balls, check, make
 from cuticle.reference.cases import draw
 from cuticle.reference.models import evaluate, formulas_of
 from cuticle.reference.search import applicable
@@ -47,6 +47,7 @@ def test_falcors_values_have_the_halved_term(data: Path) -> None:
 
 def test_check_works_without_the_balls_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "flint", None)
+    balls.flint.cache_clear()
     some = NEAR.take(slice(0, 60))
     found = check(submission(some, evaluate(F, some).f, single=True))
     assert found.ok

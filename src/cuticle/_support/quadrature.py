@@ -48,7 +48,7 @@ def adapted_edges(
 
 
 def gauss_legendre(edges: Array, order: int) -> tuple[Array, Array]:
-    """Return nodes and weights, (..., cells * order), of the Gauss-Legendre rule in each cell between edges (..., cells + 1)."""
+    """Return nodes and weights, (..., cells * order), of the Gauss-Legendre rule between edges (..., cells + 1)."""
     x, w = _leggauss(order)
     half = 0.5 * np.diff(edges)[..., None]
     shape = (*edges.shape[:-1], -1)

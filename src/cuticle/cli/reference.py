@@ -69,7 +69,7 @@ def dual_scattering(
     output: OutputOption = Path("cases.csv"),
     seed: SeedOption = 1,
 ) -> None:
-    """Write cases of dual scattering as Zinke et al. 2008 print it; f has proven errors, the density estimated ones."""
+    """Write cases of dual scattering as Zinke et al. 2008 print it."""
     _make("dual_scattering", cases, output, seed)
 
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from cuticle.reference.balls import Ball, flint, working_precision
-from cuticle.reference.inclinations import over_inclinations
+from cuticle.reference.inclinations import LobeEnergies, over_inclinations
+from cuticle.reference.pieces import series_terms
 from cuticle.reference.proven import (
     LOBES,
     CrossSection,
@@ -23,6 +24,7 @@ from cuticle.reference.proven import (
 from cuticle.reference.triangle_wave import TriangleWave
 
 PARTS = (*LOBES, "back")
+Fibre = tuple[tuple[str, float], ...]
 _BITS = 80  # of working precision within the averages, whose quadrature is far less exact
 
 
@@ -42,8 +44,7 @@ def dual_scattering(row: Row, sizes: Sequence[Sequence[float]]) -> Values:
     arb = flint().arb
     theta_i, theta_r, d_b, n = (arb(row[k]) for k in ("theta_i", "theta_r", "d_b", "strands"))
     half, difference = (theta_i + theta_r) / 2, (theta_r - theta_i) / 2
-    fibre = tuple(sorted((k, v) for k, v in row.items() if k[:4] in ("alph", "beta", "eta", "sigm")))
-    averages = _averages(fibre, row["theta_r"] - row["theta_i"])
+    averages = _averages(fibre_of(row), row["theta_r"] - row["theta_i"])
     lit = min(max(1 - row["strands"], 0.0), 1.0)
     count = n if row["strands"] > 1 else arb(1)
     direct, spread = _of_the_strand(tuple(sorted(row.items())), tuple(map(tuple, sizes)))
@@ -54,12 +55,17 @@ def dual_scattering(row: Row, sizes: Sequence[Sequence[float]]) -> Values:
             width = (radians(row[f"beta_{lobe}"]) ** 2 + count * a.beta_f**2).sqrt()
             m = gaussian(half - radians(row[f"alpha_{lobe}"]), width) / difference.cos() ** 2
             parts[p].append(lit * direct[p][c] + share * m * spread[p][c])
-        back, shift, deviation = _back(a, d_b)
+        back, shift, deviation = back_of(a, d_b)
         m = gaussian(half - shift, deviation) / difference.cos() ** 2
         through = gaussian(half - shift, (deviation**2 + count * a.beta_f**2).sqrt()) / difference.cos() ** 2
         f_back = 2 * d_b * back / arb.pi()
         parts[3].append(lit * f_back * m + share * arb.pi() * f_back * through)
     return Values(parts, None, theta_i.cos(), PARTS)
+
+
+def fibre_of(row: Row) -> Fibre:
+    """Return what averages depend on, as a key."""
+    return tuple(sorted((k, v) for k, v in row.items() if k[:4] in ("alph", "beta", "eta", "sigm")))
 
 
 @lru_cache(maxsize=4)
@@ -80,14 +86,14 @@ def _of_the_strand(given: tuple[tuple[str, float], ...], sizes: tuple[tuple[floa
             for k in range(-4, 5):  # turns past these lie over 14 deviations away
                 d = (x - 2 * arb.pi() * k) / root
                 total = total + (d + edge).erf() - (d - edge).erf()
-            return [a * total / (2 * arb.pi()) for a in ray.attenuations(cosine, lobe, closed=False)]
+            return [a * total / (2 * arb.pi()) for a in ray.attenuations(cosine, [lobe], closed=False)[0]]
 
         return [x + arb(0, 1) * 4 * left_out for x in over_h(value, arb(-1), arb(1), [0.05] * len(ray.sigma_a))]
 
     return direct, [mean(p) for p in range(3)]
 
 
-def _back(a: Averages, d_b: Ball) -> tuple[Ball, Ball, Ball]:
+def back_of(a: Averages, d_b: Ball) -> tuple[Ball, Ball, Ball]:
     """Return A_b, its shift and its deviation, as printed."""
     f2, b2 = a.a_f**2, a.a_b**2
     q = 1 - f2
@@ -100,25 +106,42 @@ def _back(a: Averages, d_b: Ball) -> tuple[Ball, Ball, Ball]:
 
 
 @lru_cache(maxsize=16)
-def _averages(fibre: tuple[tuple[str, float], ...], twice: float) -> list[Averages]:
-    """Return the averages of each channel at theta_d = twice/2: integrals over the other inclination and over the width."""
+def _averages(fibre: Fibre, twice: float) -> list[Averages]:
+    """Return the averages of each channel at theta_d = twice/2."""
+    module, energies = flint(), energies_of(fibre)
+    with working_precision(_BITS), series_terms(1):
+        here = module.arb_series([module.arb(twice) / 2])
+        by_lobe = [over_inclinations(energies, p, here, here[0], both_cosines) for p in range(len(LOBES))]
+        return averages_of(fibre, [[s[0] for s in lobe] for lobe in by_lobe], module.arb(0))
+
+
+@lru_cache(maxsize=2)
+def energies_of(fibre: Fibre) -> LobeEnergies:
+    """Return what each lobe sends on, and back."""
     row = dict(fibre)
-    here = flint().arb(twice) / 2
-    shares = _halves(radians(row["beta_N"]))
     with working_precision(_BITS):
-        by_lobe = [over_inclinations(row, p, here, lambda x: x.cos() * here.cos(), shares, 2) for p in range(len(LOBES))]
-    found = []
-    for c in range(len(by_lobe[0][0])):
-        on, back = (_moments(row, [lobe[way][c] for lobe in by_lobe]) for way in range(2))
+        return LobeEnergies(row, _halves(radians(row["beta_N"])))
+
+
+def both_cosines(x: Any, here: Any) -> Any:
+    """Return what averages are weighted by."""
+    return x * here
+
+
+def averages_of(fibre: Fibre, by_lobe: Sequence[Sequence[Ball]], zero: Ball) -> list[Averages]:
+    """Return the averages from the energies on, then back, of each lobe and channel."""
+    row, channels, found = dict(fibre), len(by_lobe[0]) // 2, []
+    for c in range(channels):
+        on, back = (_moments(row, [lobe[way * channels + c] for lobe in by_lobe], zero) for way in range(2))
         found.append(Averages(on[0], back[0], on[1], back[1], on[2], back[2]))
     return found
 
 
-def _moments(row: Row, energy: list[Ball]) -> tuple[Ball, Ball, Ball]:
+def _moments(row: Row, energy: list[Ball], zero: Ball) -> tuple[Ball, Ball, Ball]:
     """Return the total, and the means of the lobes' shifts and widths."""
-    total = sum(energy, flint().arb(0))
-    shift = sum((e * radians(row[f"alpha_{p}"]) for e, p in zip(energy, LOBES, strict=True)), flint().arb(0))
-    width = sum((e * radians(row[f"beta_{p}"]) for e, p in zip(energy, LOBES, strict=True)), flint().arb(0))
+    total = sum(energy, zero)
+    shift = sum((e * radians(row[f"alpha_{p}"]) for e, p in zip(energy, LOBES, strict=True)), zero)
+    width = sum((e * radians(row[f"beta_{p}"]) for e, p in zip(energy, LOBES, strict=True)), zero)
     return total, shift / total, width / total
 
 

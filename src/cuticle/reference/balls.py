@@ -14,6 +14,7 @@ from typing import Any
 from cuticle._support.extras import needed
 
 Ball = Any  # flint.arb, or flint.acb where a complex argument is needed
+Series = Any  # flint.arb_series
 Integrand = Callable[[Ball], Sequence[Ball]]
 
 BITS = 128  # of working precision; values are told to DIGITS
@@ -26,6 +27,7 @@ DEEPEST = 60  # halvings of a panel
 DECAYS = tuple((n, 64 / 15 * RHO ** (-2 * n) / (1 - RHO**-2)) for n in _ORDERS)
 
 
+@lru_cache(maxsize=1)
 def flint() -> Any:
     """Return the module `flint`, or raise the one line that says how to install it."""
     with needed("the reference"):
@@ -57,6 +59,11 @@ def square(x: Ball) -> Ball:
         return x * x
     low, high = x.abs_lower(), x.abs_upper()
     return (low * low).union(high * high)
+
+
+def quotient(a: Series, b: Series) -> Series:
+    """Return a/b; not finite where b may be 0, where python-flint raises an error."""
+    return a * flint().arb("nan") if b[0].contains(0) else a / b
 
 
 def told(ball: Ball) -> tuple[str, str]:
@@ -94,11 +101,11 @@ def least_order(largest: Sequence[Ball], goals: Sequence[float], size: Ball) -> 
     """
     if not all(m.is_finite() for m in largest):
         return None
-    worst = max(float((m * size / g).str(4, radius=False)) for m, g in zip(largest, goals, strict=True))
+    worst = max(float(m) / g for m, g in zip(largest, goals, strict=True)) * float(size)
     return next(((n, d) for n, d in DECAYS if d * worst <= 1), None)
 
 
-def integrate(f: Integrand, a: Ball, b: Ball, sizes: Sequence[float]) -> list[Ball]:
+def integrate(f: Integrand, a: Ball, b: Ball, sizes: Sequence[float], goal: float = GOAL) -> list[Ball]:
     """Return balls around the integrals of the components of f over [a, b].
 
     Gauss-Legendre rules on panels. If f is analytic in the ellipse of foci at a panel's ends and sum of half axes rho times
@@ -114,9 +121,11 @@ def integrate(f: Integrand, a: Ball, b: Ball, sizes: Sequence[float]) -> list[Ba
         The ends, exact.
     sizes
         About how large each integral is. They steer the effort only: the radius of what is returned is true for any.
+    goal
+        Of the errors, out of the sizes; it steers the effort, too.
     """
-    arb = flint().arb
-    goals = [max(s, 1e-300) * GOAL for s in sizes]
+    arb, matrix = flint().arb, flint().arb_mat
+    goals = [max(s, 1e-300) * goal for s in sizes]
     total = [arb(0)] * len(goals)
     todo = [(a, b, 0)]
     whole = b - a
@@ -131,10 +140,8 @@ def integrate(f: Integrand, a: Ball, b: Ball, sizes: Sequence[float]) -> list[Ba
             todo += [(low, middle, depth + 1), (middle, high, depth + 1)]
             continue
         order, factor = needed
-        sums = [arb(0)] * len(goals)
-        for node, weight in rule(order):
-            for k, value in enumerate(f(middle + r * node)):
-                sums[k] += weight * value
-        for k, m in enumerate(largest):
-            total[k] += r * sums[k] + arb(0, 1) * (r * m * arb(factor) * 1.000001)
+        nodes, weights = zip(*rule(order), strict=True)
+        sums = (matrix([weights]) * matrix([list(f(middle + r * x)) for x in nodes])).entries()
+        for k, (value, m) in enumerate(zip(sums, largest, strict=True)):
+            total[k] += r * value + arb(0, 1) * (r * m * arb(factor) * 1.000001)
     return total

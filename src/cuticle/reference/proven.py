@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, floor, pi
 
-from cuticle.reference.balls import Ball, flint, integrate, root, square
+from cuticle.reference.balls import GOAL, Ball, flint, integrate, root, square
 from cuticle.scattering.bcsdf import REC709
 
 Row = Mapping[str, float]
@@ -38,13 +38,18 @@ class Values:
         """Return the luminance of f cos theta_i over its integral."""
         if self.energies is None and self.albedo is None:
             return None
-        arb, zero = flint().arb, flint().arb(0)
-        weights = [arb(str(w)) for w in REC709] if len(self.parts[0]) == 3 else [arb(1)]
+        zero, weights = flint().arb(0), luminance_weights(len(self.parts[0]))
         light = sum((w * self.f(c) for c, w in enumerate(weights)), zero)
         whole = self.albedo
         if self.energies is not None:
             whole = sum((w * e[c] for e in self.energies for c, w in enumerate(weights)), zero)
         return self.cosine * light / whole
+
+
+def luminance_weights(channels: int) -> list[Ball]:
+    """Return the weight of each channel in the luminance."""
+    arb = flint().arb
+    return [arb(str(w)) for w in REC709] if channels == 3 else [arb(1)]
 
 
 def radians(degrees: float) -> Ball:
@@ -83,7 +88,7 @@ class CrossSection:
     """The optics of the fibre's cross-section at one inclination, for rays at any offset sin(gamma)."""
 
     def __init__(self, theta: Ball, eta: Ball, sigma_a: Sequence[Ball]) -> None:
-        self.cosine, self.eta, self.sigma_a = theta.cos(), eta, sigma_a
+        self.theta, self.cosine, self.eta, self.sigma_a = theta, theta.cos(), eta, sigma_a
         self._beyond = eta * eta - 1
         self.bravais = root(self._beyond + square(self.cosine))  # eta' cos theta = eta cos theta_t
 
@@ -96,14 +101,19 @@ class CrossSection:
         x, arb, acb = sine * self.cosine, flint().arb, flint().acb
         if isinstance(x, arb) and isinstance(self.bravais, arb):
             return (x / self.inner(cosine)).atan()
-        # By the mean value theorem from the real axis: a box's own arc sine is as tall as it is wide.
+        # By the mean value theorem from the real axis, of x or of theta: a box's own arc sine is as tall as it is wide.
         x = acb(x / self.bravais)
         box = acb(x.real, x.imag.union(arb(0)))
-        tall = x.imag.abs_upper() * (1 / root(1 - box * box)).abs_upper()
+        slope = 1 / root(1 - box * box)
+        tall = (x.imag * slope.abs_upper()).abs_upper()
+        if isinstance(sine, arb):
+            theta = acb(self.theta.real, self.theta.imag.union(arb(0)))
+            by_theta = theta.sin() * self._beyond / root(self._beyond + square(theta.cos())) ** 3  # of cos theta/eta'
+            tall = tall.min((self.theta.imag * (sine * by_theta * slope).abs_upper()).abs_upper())
         return acb(x.asin().real, arb(0, 1) * tall)
 
-    def attenuations(self, cosine: Ball, lobe: int, closed: bool) -> list[Ball]:
-        """Return A_p of each channel: lobes 0 to 2 are R, TT and TRT, 3 is every order past them; `closed` adds it to TRT.
+    def attenuations(self, cosine: Ball, lobes: Sequence[int], closed: bool) -> list[list[Ball]]:
+        """Return A_p, [lobe][channel]: lobes 0 to 2 are R, TT and TRT, 3 is every order past them; `closed` adds it to TRT.
 
         A_0 = F, A_p = (1 - F)² F^(p-1) T^p. T = exp(-sigma_a 2 cos gamma_t / cos theta_t). F is Fresnel's unpolarised
         reflectance at cos = cos theta cos gamma_i.
@@ -111,20 +121,22 @@ class CrossSection:
         c, inner = self.cosine * cosine, self.inner(cosine)
         r_s, r_p = (c - inner) / (c + inner), (self.eta * self.eta * c - inner) / (self.eta * self.eta * c + inner)
         fresnel = (r_s * r_s + r_p * r_p) / 2
-        if lobe == 0:
-            return [fresnel] * len(self.sigma_a)
-        chord = 2 * self.eta * inner / (self.bravais * self.bravais)
-        found, entered = [], 1 - fresnel
+        entered = 1 - fresnel
+        chord, left = 2 * self.eta * inner / (self.bravais * self.bravais), entered * entered
+        found: list[list[Ball]] = [[] for _ in lobes]
         for s in self.sigma_a:
             t = (-s * chord).exp()
             # (1 - F)²/(1 - F T), which is 0/0 at the fibre's edge where nothing is absorbed.
-            closing = entered if s == 0 else entered * entered / (1 - fresnel * t)
-            if lobe == 1:
-                found.append(entered * entered * t)
-            elif lobe == 2:
-                found.append((closing if closed else entered * entered) * fresnel * t * t)
-            else:
-                found.append(closing * (fresnel * t) ** 2 * t)
+            closing = entered if s == 0 else left / (1 - fresnel * t)
+            for of_lobe, lobe in zip(found, lobes, strict=True):
+                if lobe == 0:
+                    of_lobe.append(fresnel)
+                elif lobe == 1:
+                    of_lobe.append(left * t)
+                elif lobe == 2:
+                    of_lobe.append((closing if closed else left) * fresnel * t * t)
+                else:
+                    of_lobe.append(closing * (fresnel * t) ** 2 * t)
         return found
 
 
@@ -154,13 +166,13 @@ def chiang_near(row: Row) -> Values:
     ray = CrossSection(theta_r, arb(row["eta"]), absorptions(row))
     cosine = (1 - h * h).sqrt()
     gamma_i, gamma_t = h.asin(), ray.refracted(h, cosine)
-    parts, energies = [], []
+    parts, energies, passed = [], [], ray.attenuations(cosine, range(4), closed=False)
     for p in range(4):
         m = energy_conserving(theta_i, tilts[p] - theta_r, variances[p])
         around = 1 / (2 * arb.pi())
         if p < 3:
             around = trimmed_logistic(_wrapped(phi - azimuth(p, gamma_i, gamma_t)), scale)
-        energies.append(ray.attenuations(cosine, p, closed=False))
+        energies.append(passed[p])
         parts.append([m * around * a / theta_i.cos() for a in energies[-1]])
     return Values(parts, energies, theta_i.cos())
 
@@ -212,7 +224,9 @@ def _wrapped(x: Ball) -> Ball:
     return near
 
 
-def over_h(value: Callable[[Ball, Ball], Sequence[Ball]], low: Ball, high: Ball, sizes: Sequence[float]) -> list[Ball]:
+def over_h(
+    value: Callable[[Ball, Ball], Sequence[Ball]], low: Ball, high: Ball, sizes: Sequence[float], goal: float = GOAL
+) -> list[Ball]:
     """Return ½ ∫ value(sin gamma, cos gamma) dh over gamma = u pi/2, u from `low` to `high`; dh = cos gamma dgamma."""
     quarter = flint().arb.pi() / 2
 
@@ -222,7 +236,7 @@ def over_h(value: Callable[[Ball, Ball], Sequence[Ball]], low: Ball, high: Ball,
         weight = cosine * quarter / 2
         return [weight * x for x in value(gamma, cosine)]
 
-    return integrate(integrand, low, high, sizes)
+    return integrate(integrand, low, high, sizes, goal)
 
 
 def _energies(ray: CrossSection, lobes: Sequence[int], closed: bool) -> list[list[Ball]]:
@@ -230,7 +244,7 @@ def _energies(ray: CrossSection, lobes: Sequence[int], closed: bool) -> list[lis
     arb, count = flint().arb, len(ray.sigma_a)
 
     def all_lobes(gamma: Ball, cosine: Ball) -> list[Ball]:
-        return [a for p in lobes for a in ray.attenuations(cosine, p, closed)]
+        return [a for of_lobe in ray.attenuations(cosine, lobes, closed) for a in of_lobe]
 
     flat = over_h(all_lobes, arb(0), arb(1), [0.05] * (count * len(lobes)))
     return [[2 * x for x in flat[i * count : (i + 1) * count]] for i in range(len(lobes))]
@@ -247,7 +261,7 @@ def normal_over_h(ray: CrossSection, lobe: int, phi: Ball, beta: Ball, sizes: Se
     def value(gamma: Ball, cosine: Ball) -> list[Ball]:
         x = phi - azimuth(lobe, gamma, ray.refracted(gamma.sin(), cosine))
         around = sum((gaussian(x - turn * k, beta) for k in turns), arb(0))
-        return [a * around for a in ray.attenuations(cosine, lobe, closed)]
+        return [a * around for a in ray.attenuations(cosine, [lobe], closed)[0]]
 
     # Turns left out lie past the reach on either side: twice a geometric series, and A_p is at most 1.
     left_out = 4 * gaussian(_REACH * beta, beta).abs_upper()
@@ -268,7 +282,7 @@ def _trimmed_over_h(ray: CrossSection, lobe: int, phi: Ball, scale: Ball, sizes:
 
         def value(gamma: Ball, cosine: Ball, k: int = k) -> list[Ball]:
             around = trimmed_logistic(phi - azimuth(lobe, gamma, ray.refracted(gamma.sin(), cosine)) - turn * k, scale)
-            return [a * around for a in ray.attenuations(cosine, lobe, closed=False)]
+            return [a * around for a in ray.attenuations(cosine, [lobe], closed=False)[0]]
 
         for c, x in enumerate(over_h(value, low, high, sizes)):
             total[c] += x

@@ -83,7 +83,7 @@ def header(inputs: Inputs, seed: int) -> list[str]:
         lines.append("alpha, beta: degrees of theta_h = (theta_i + theta_r)/2; beta_N: deviation around the fibre, degrees.")
     lines.append(f"{PREFIX}…: the reference; …_error: a proven bound of how far the printed number is off")
     if inputs.model == "dual_scattering":
-        lines.append(f"{PREFIX}pdf_error: estimated, from quadratures of two orders; or why {PREFIX}pdf is empty.")
+        lines.append(f"{PREFIX}pdf_error: the same; or why {PREFIX}pdf is empty.")
     return lines
 
 

@@ -145,16 +145,16 @@ class DualScattering(Value, Plotted):
         return _core.Model(f.alpha, f.beta, tables.direct, tables.spread, averages, f.d_f, f.d_b)
 
     @cached_property
-    def _core(self) -> _core.Model:
-        return self._among(None)
-
-    @cached_property
     def _lock(self) -> _core.Model:
         return self._among("lock")
 
     @cached_property
     def _medium(self) -> _core.Model:
         return self._among("medium")
+
+    @cached_property
+    def _core(self) -> _core.Model:
+        return self._among(None)
 
     def host_tables(self) -> FibreTables:
         """Return what the core's closed forms read, in single precision."""

@@ -45,7 +45,8 @@ def through_tables(fibre: Fibre | Chiang, *, random: str | None = "lock") -> Thr
     both = zip(sheets[:3], _random(_plain(fibre), random), strict=True)
     # Direct light, the first of each: it is sent back by sheets, as by a lock, or by a medium.
     halves = ([np.concatenate([r[:, :1], s[:, 1:]], axis=1), r[:, 1:]] for s, r in both)
-    return ThroughTables(*map(np.concatenate, halves), *sheets[3:])
+    energy, along, azimuth = map(np.concatenate, halves)
+    return ThroughTables(energy, along, azimuth, sheets.behind, sheets.limit)
 
 
 def passed_through(fibre: Fibre | Chiang) -> tuple[Array, float]:
