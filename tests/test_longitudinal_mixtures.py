@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from cuticle import Chiang, Strands, _core, family, measure
-from cuticle.scattering import among_strands
 from cuticle.scattering.longitudinal_mixtures import axis_and_variance, longitudinal_mixtures
 from cuticle.scattering.strand_transport import Directions
 from cuticle.scattering.through_strands import _solved, through_tables
@@ -113,11 +110,10 @@ def test_three_peaks_are_told_apart(fibre: str, bounds: list[float]) -> None:
             assert measure(sampler, seen, np.radians(viewer)).ess > bound, (strands, viewer)
 
 
-def test_rows_half_as_wide_find_the_same_peaks(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rows_half_as_wide_find_the_same_peaks() -> None:
     """What both the tables and `Strands` lose in rows of 4° would not be seen above."""
     sampler = family("dual_scattering", TILTED["smooth"], d_f=0.7, d_b=0.7).sampler_at(TILTED["smooth"], strands=2)
-    monkeypatch.setattr(among_strands, "Directions", partial(Directions, rows=91))
-    model = Strands(TILTED["smooth"]).with_strands(2)
+    model = Strands(TILTED["smooth"], 2, rows=91)
     for viewer in (-32, 10):
         assert measure(sampler, model, np.radians(viewer)).ess > 0.95, viewer
 

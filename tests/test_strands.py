@@ -91,6 +91,19 @@ def test_bad_input_is_one_line() -> None:
         Strands(Chiang(eumelanin=1), -1)
     with pytest.raises(ValueError, match="d_f must be in"):
         Strands(Chiang(eumelanin=1), d_f=2)
+    with pytest.raises(ValueError, match=r"rows must be in \[9, 361\], got 1; 45 are 4° apart"):
+        Strands(Chiang(eumelanin=1), rows=1)
+
+
+def test_rows_are_kept_and_more_of_them_resolve_narrower_lobes() -> None:
+    smooth = Chiang(beta_m=0.05, eumelanin=1.0)
+    found = Strands.from_dict(Strands(smooth, 1, rows=91).to_dict()).with_strands(1)
+    assert found.rows == found.with_strands(2).rows == 91
+    assert repr(found).endswith("d_b=0.7, rows=91)")
+    peaks = [model.eval(THETA, 0.3, np.pi).max() for model in (Strands(smooth, 1), found)]
+    assert peaks[1] > 1.2 * peaks[0]
+    coarse, fine = (energy(m, 0.3) for m in (Strands(smooth, 1), found))
+    np.testing.assert_allclose(fine, coarse, rtol=0.02)
 
 
 def test_the_command_puts_a_function_among_others(tmp_path: Path) -> None:
