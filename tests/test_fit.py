@@ -240,6 +240,24 @@ def test_any_object_with_eval_is_a_model() -> None:
     assert report.ok, report
 
 
+def test_many_viewers_at_once_are_the_same_as_one_by_one() -> None:
+    class Asked:
+        even = True
+
+        def __init__(self, many: bool) -> None:
+            self.many_viewers, self.shapes, self.own = many, set(), Marschner(Fibre.preset("black"))
+
+        def eval(self, theta_i, theta_r, phi):
+            self.shapes.add(np.shape(theta_r))
+            return self.own.eval(theta_i, theta_r, phi)
+
+    together, alone = Asked(True), Asked(False)
+    tables = [fit(model, 2).sampler.to_json() for model in (together, alone)]
+    assert tables[0] == tables[1]
+    assert {(16, 1, 1), ()} <= together.shapes  # viewers of a fit; one of a measurement
+    assert alone.shapes == {()}
+
+
 class Nan:
     def eval(self, theta_i, theta_r, phi):
         return np.full((*np.broadcast_shapes(np.shape(theta_i), np.shape(phi)), 1), np.nan)

@@ -9,7 +9,7 @@ import pytest
 
 from cuticle import DualScattering, Fibre
 from cuticle.scattering.strand_transport import Directions, Scattering, StrandTransport
-from cuticle.scattering.through_strands import _parts, passed_through
+from cuticle.scattering.through_strands import _parts, _random, passed_through, through_tables
 from strand_walk import passed, quadrature, walk
 
 FIBRES = {
@@ -121,3 +121,19 @@ def test_many_absorptions_are_those_alone() -> None:
         alone = DualScattering(Fibre(sigma_a=float(many[k])), 2)
         at = np.linspace(-1.2, 1.2, 9)[:, None], 0.4, np.linspace(0, 3, 7)
         np.testing.assert_allclose(wide.eval(*at)[..., k], alone.eval(*at)[..., 0], rtol=0.03)
+
+
+def test_light_through_sheets_alone_is_half_of_the_tables() -> None:
+    fibre = FIBRES["red"].replace(eta=1.61)
+    before = _random.cache_info().misses
+    DualScattering(fibre, 2).eval(0.1, 0.2, 3.0)
+    sheets = through_tables(fibre, random=None)
+    assert _random.cache_info().misses == before  # no random number of strands was asked for
+    lock, medium = (through_tables(fibre, random=name) for name in ("lock", "medium"))
+    for name in ("energy", "along", "azimuth"):
+        half, whole, other = (getattr(t, name) for t in (sheets, lock, medium))
+        assert half.shape == (1, *whole.shape[1:])
+        np.testing.assert_array_equal(half[0], whole[0])  # a lock's direct light is sent back as by sheets
+        np.testing.assert_array_equal(half[0, 1:], other[0, 1:])
+        assert np.abs(half[0, 0] - other[0, 0]).max() > 1e-3  # a medium's is not
+        assert np.abs(whole[1] - other[1]).max() > 1e-3

@@ -75,9 +75,10 @@ class Strands(Value, Plotted):
     def to_dict(self) -> dict[str, Any]:
         """Return what `from_dict` needs, as values that JSON can hold."""
         single = type(self.model)
+        rows = {} if self.rows == _ROWS else {"rows": self.rows}  # files are what they were
         known = classes().get(single.__name__) is single
         return (self.model.to_dict() if known else {}) | {  # type: ignore[attr-defined]
-            "single": single.__name__, "among": {"d_f": self.d_f, "d_b": self.d_b, "rows": self.rows},
+            "single": single.__name__, "among": {"d_f": self.d_f, "d_b": self.d_b, **rows},
         }  # fmt: skip
 
     @classmethod
