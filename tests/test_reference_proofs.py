@@ -17,9 +17,9 @@ flint = pytest.importorskip("flint", reason="python-flint is not installed: pip 
 from cuticle.reference import albedo_in_balls, among_strands_in_balls, inclinations, pieces  # noqa: E402
 from cuticle.reference.albedo import albedo  # noqa: E402
 from cuticle.reference.albedo_in_balls import albedo as albedo_among_strands  # noqa: E402
-from cuticle.reference.balls import working_precision  # noqa: E402
+from cuticle.reference.balls import series_terms, working_precision  # noqa: E402
 from cuticle.reference.making import values_of  # noqa: E402
-from cuticle.reference.pieces import BEYOND, Interpolated, expanded, integrated, series_terms  # noqa: E402
+from cuticle.reference.pieces import BEYOND, Interpolated, expanded, integrated  # noqa: E402
 from cuticle.reference.triangle_wave import TriangleWave  # noqa: E402
 
 GAUSSIAN = draw("marschner", 16, 11, near=False, longitudinal="gaussian")

@@ -6,9 +6,8 @@ from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from cuticle.reference.balls import Ball, flint, working_precision
+from cuticle.reference.balls import Ball, flint, series_terms, working_precision
 from cuticle.reference.inclinations import LobeEnergies, over_inclinations
-from cuticle.reference.pieces import series_terms
 from cuticle.reference.proven import (
     LOBES,
     CrossSection,

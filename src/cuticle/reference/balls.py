@@ -7,7 +7,7 @@ A ball is a number with a radius; what is computed from balls is a ball that hol
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from functools import lru_cache
 from typing import Any
 
@@ -35,15 +35,25 @@ def flint() -> Any:
     return module
 
 
-@contextmanager
-def working_precision(bits: int = BITS) -> Iterator[None]:
+def working_precision(bits: int = BITS) -> AbstractContextManager[None]:
     """Within this context, balls have so many bits."""
+    return _with("prec", bits)
+
+
+def series_terms(terms: int) -> AbstractContextManager[None]:
+    """Within this context, series have so many terms."""
+    return _with("cap", terms)
+
+
+@contextmanager
+def _with(setting: str, value: int) -> Iterator[None]:
     context = flint().ctx
-    before, context.prec = context.prec, bits
+    before = getattr(context, setting)
+    setattr(context, setting, value)
     try:
         yield
     finally:
-        context.prec = before
+        setattr(context, setting, before)
 
 
 def root(x: Ball) -> Ball:

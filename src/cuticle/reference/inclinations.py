@@ -16,8 +16,8 @@ from itertools import pairwise
 from math import ceil, nextafter, pi
 from typing import Any
 
-from cuticle.reference.balls import Ball, Series, flint, integrate, quotient
-from cuticle.reference.pieces import BEYOND, Interpolated, series_terms
+from cuticle.reference.balls import Ball, Series, flint, integrate, quotient, series_terms
+from cuticle.reference.pieces import BEYOND, Interpolated
 from cuticle.reference.proven import LOBES, CrossSection, Row, absorptions, gaussian, over_h, radians
 
 Shares = Callable[[int, Ball, Ball], Sequence[Ball]]  # of lobe, gamma_i, gamma_t

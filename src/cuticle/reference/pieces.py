@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from functools import lru_cache
 from itertools import pairwise
 from math import log, pi
 from typing import Any, NamedTuple
 
-from cuticle.reference.balls import DEEPEST, RHO, Ball, Series, ellipse, flint, working_precision
+from cuticle.reference.balls import DEEPEST, RHO, Ball, Series, ellipse, flint, series_terms, working_precision
 
 _TERMS = 30  # of a Taylor polynomial
 _SUMMED = 16  # of one that is integrated
@@ -29,24 +28,11 @@ class Piece(NamedTuple):
     def at(self, x: Series, some: slice = slice(None)) -> list[Series]:
         """Return some of the polynomials of a series whose constant lies in the panel, not what they are off."""
         module, u = flint(), ((x - self.middle) / self.half).coeffs()
-        if isinstance(x, module.arb_series):
-            Poly, Series = module.arb_poly, module.arb_series
-        else:
-            Poly, Series = module.acb_poly, module.acb_series
+        real = isinstance(x, module.arb_series)
+        poly, series = (module.arb_poly, module.arb_series) if real else (module.acb_poly, module.acb_series)
         if len(u) < 2:  # faster
-            return [Series([Poly(p)(sum(u))]) for p in self.polynomials[some]]
-        return [Series(Poly(p)(Poly(u)).coeffs()) for p in self.polynomials[some]]
-
-
-@contextmanager
-def series_terms(terms: int) -> Iterator[None]:
-    """Within this context, series have so many terms."""
-    context = flint().ctx
-    before, context.cap = context.cap, terms
-    try:
-        yield
-    finally:
-        context.cap = before
+            return [series([poly(p)(sum(u))]) for p in self.polynomials[some]]
+        return [series(poly(p)(poly(u)).coeffs()) for p in self.polynomials[some]]
 
 
 class Interpolated:

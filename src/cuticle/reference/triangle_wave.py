@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 from math import ceil, exp, pi
 
-from cuticle.reference.balls import Ball, flint
+from cuticle.reference.balls import Ball, flint, series_terms
 
 _TERMS = 24  # of the Taylor series on a panel one deviation wide
 _CIRCLE = 6.0  # deviations: the radius of the circle on which the wave is bounded
@@ -43,18 +43,15 @@ class TriangleWave:
     @lru_cache(maxsize=4096)  # noqa: B019  (waves are few)
     def _polynomial(self, panel: int, bits: int) -> Ball:
         module = flint()
-        arb, series, before = module.arb, module.arb_series, module.ctx.cap
+        arb, series = module.arb, module.arb_series
         root = self._beta * arb(2).sqrt()
-        module.ctx.cap = _TERMS
-        try:
+        with series_terms(_TERMS):
             total = series([arb(0)])
             for k in range(-self._kinks, self._kinks + 1):
                 d = series([(panel * self._step - k * arb.pi()) / root, 1 / root])
                 smooth = d * d.erf() + (-(d * d)).exp() / arb.pi().sqrt()
                 total = total + smooth if k % 2 == 0 else total - smooth
             found = [c * root / arb.pi() for c in total.coeffs()]
-        finally:
-            module.ctx.cap = before
         ratio = 0.51 / _CIRCLE
         left_out = 2 * exp(_CIRCLE**2 / 2) * ratio**_TERMS + 1e-28  # the series' tail, and kinks e^-80 from here
         found[0] += arb(0, 1) * left_out - self._kinks
