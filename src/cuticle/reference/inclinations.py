@@ -25,7 +25,7 @@ _REACH = 9  # deviations of the Gaussian that are integrated over
 _GOAL, _VALUE_GOAL, _OVER_T_GOAL = 1e-15, 2.0**-53, 1e-16  # of the errors of W between its values, of those, of integrals
 _WIDEST = 1.4  # deviations in a panel of t
 _TOWARD_POLES = 18  # panels of t, each half as wide as the one before
-_ACROSS, _STRIPS = 24, 4  # intervals of gamma, and of t, in which W is bounded
+_ACROSS, _STRIPS = 24, 8  # intervals of gamma, and of t, in which W is bounded
 
 
 class LobeEnergies:

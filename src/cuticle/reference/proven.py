@@ -104,12 +104,12 @@ class CrossSection:
         # By the mean value theorem from the real axis, of x or of theta: a box's own arc sine is as tall as it is wide.
         x = acb(x / self.bravais)
         box = acb(x.real, x.imag.union(arb(0)))
-        slope = 1 / root(1 - box * box)
-        tall = (x.imag * slope.abs_upper()).abs_upper()
+        tall = (x.imag / root(1 - box * box).abs_lower()).abs_upper()
         if isinstance(sine, arb):
             theta = acb(self.theta.real, self.theta.imag.union(arb(0)))
-            by_theta = theta.sin() * self._beyond / root(self._beyond + square(theta.cos())) ** 3  # of cos theta/eta'
-            tall = tall.min((self.theta.imag * (sine * by_theta * slope).abs_upper()).abs_upper())
+            bravais = root(self._beyond + square(theta.cos()))
+            slope = sine * theta.sin() * self._beyond / (bravais**3 * root(1 - square(sine * theta.cos() / bravais)))
+            tall = tall.min((self.theta.imag * slope.abs_upper()).abs_upper())
         return acb(x.asin().real, arb(0, 1) * tall)
 
     def attenuations(self, cosine: Ball, lobes: Sequence[int], closed: bool) -> list[list[Ball]]:
