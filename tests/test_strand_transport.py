@@ -126,9 +126,13 @@ def test_many_absorptions_are_those_alone() -> None:
 def test_light_through_sheets_alone_is_half_of_the_tables() -> None:
     fibre = FIBRES["red"].replace(eta=1.61)
     before = _random.cache_info().misses
-    DualScattering(fibre, 2).eval(0.1, 0.2, 3.0)
+    model = DualScattering(fibre, 2)
+    model.eval(0.1, 0.2, 3.0)
     sheets = through_tables(fibre, random=None)
     assert _random.cache_info().misses == before  # no random number of strands was asked for
+    one = np.ones(1)
+    with pytest.raises(ValueError, match="tables of sheets alone"):
+        model._core.expected(one, one, one, one, one, 15, np.empty((1, 1)))
     lock, medium = (through_tables(fibre, random=name) for name in ("lock", "medium"))
     for name in ("energy", "along", "azimuth"):
         half, whole, other = (getattr(t, name) for t in (sheets, lock, medium))

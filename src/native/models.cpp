@@ -1,6 +1,7 @@
 // The scattering functions over arrays, and the tables they read.
 #include "bindings.h"
 
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -170,6 +171,8 @@ struct Model {
     // The mean where both numbers are expectations.
     void expected(const In<double> &theta_i, const In<double> &theta_r, const In<double> &phi, const In<double> &strands,
                   const In<double> &behind, int lobes, Out<double> out) const {
+        if (dual && model.formulation == cuticle::Formulation::exact && through_energy.shape(0) < 2)
+            throw std::invalid_argument("the model has tables of sheets alone");
         over(theta_i, theta_r, phi, broadcast(strands), broadcast(behind), true, lobes, out);
     }
 
