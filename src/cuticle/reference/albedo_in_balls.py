@@ -10,21 +10,20 @@ from functools import lru_cache
 from math import pi
 
 from cuticle.reference.among_strands_in_balls import (
-    Averages,
+    BITS_OF_AVERAGES,
     Fibre,
     averages_of,
-    back_of,
     both_cosines,
+    combined,
     energies_of,
     fibre_of,
 )
 from cuticle.reference.balls import Ball, Series, flint, working_precision
-from cuticle.reference.inclinations import over_inclinations
+from cuticle.reference.inclinations import over_inclinations, toward_poles
 from cuticle.reference.pieces import BEYOND, Piece, expanded, integrated
-from cuticle.reference.proven import LOBES, Row, absorptions, gaussian, luminance_weights, radians
+from cuticle.reference.proven import LOBES, Row, absorptions, gaussian, luminance_weights
 
 FURTHEST = 1.5706  # of theta_r
-_BITS = 80  # of working precision
 _GOAL = 1e-13  # of the remainders of averages
 _ERROR = 1e-11  # of the remainder of the albedo, out of it
 _TOWARD_POLES = 14  # panels, each half as wide as the one before: up to 6e-5 from a pole
@@ -40,7 +39,7 @@ def albedo(row: Row) -> Ball | None:
     None where there is none: where at some theta_d a fibre sends on all light that it gets, the light behind has no sum.
     """
     arb = flint().arb
-    with working_precision(_BITS):
+    with working_precision(BITS_OF_AVERAGES):
         theta_r = arb(row["theta_r"])
         low, high = (((theta_r - side * arb.pi() / 2) / 2).mid() for side in (1, -1))
         light = _Light(row, low, high)
@@ -63,8 +62,7 @@ class _Light:
         self._energies = energies_of(self._fibre)
         self._averages = [_averages_between(self._fibre, p, low, high) for p in range(len(LOBES))]
         self._weights = luminance_weights(len(absorptions(row)))
-        self._lit, self._count = arb(min(max(1 - row["strands"], 0.0), 1.0)), arb(max(row["strands"], 1.0))
-        self._behind, self._d_b = arb(row["d_f"]) ** 2 * (1 - self._lit), arb(row["d_b"])
+        self._own = list(zip(self._energies.tilts, self._energies.deviations, strict=True))
         self.ends = [*self._energies.ends, *(p.middle + p.half for pieces in self._averages for p in pieces)]
 
     def __call__(self, t: Series) -> Series:
@@ -76,29 +74,18 @@ class _Light:
             piece = next(x for x in pieces if at <= x.middle + x.half)
             by_lobe.append([x + arb(0, 1) * e for x, e in zip(piece.at(t), piece.off, strict=True)])
         averages = averages_of(self._fibre, by_lobe, 0 * t)
-        if self._d_b > 0 and any(a.a_f[0].lower() >= 1 for a in averages):
+        if self._row["d_b"] > 0 and any(a.a_f[0].lower() >= 1 for a in averages):
             raise _NoSumError
-        light = 0 * t
+        light, cosine, half = 0 * t, t.cos(), self._theta_r - t
         for c, (weight, a) in enumerate(zip(self._weights, averages, strict=True)):
-            light = light + weight * self._of_channel(self._theta_r - t, a, [e[c] for e in energies])
-        cosine = (self._theta_r - 2 * t).cos() / t.cos()
-        return 2 * light * cosine * cosine
-
-    def _of_channel(self, half: Series, a: Averages, energies: list[Series]) -> Series:
-        """Return the integral of f cos² theta_d over phi; half is theta_h."""
-        pi = flint().arb.pi()
-        spread = self._count * a.beta_f * a.beta_f
-        through = self._behind * (self._count * a.a_f.log()).exp()
-        light = 0 * half
-        for lobe, energy in zip(LOBES, energies, strict=True):
-            x, beta = half - radians(self._row[f"alpha_{lobe}"]), radians(self._row[f"beta_{lobe}"])
-            light = light + energy * (self._lit * gaussian(x, beta) + through * gaussian(x, (beta * beta + spread).sqrt()))
-        if self._d_b > 0:
-            back, shift, deviation = back_of(a, self._d_b)
-            wider = (deviation * deviation + spread).sqrt()
-            both = self._lit * gaussian(half - shift, deviation) + through * pi * gaussian(half - shift, wider)
-            light = light + 4 * self._d_b * back * both
-        return light
+            spread = [e[c] for e in energies]
+            direct = [
+                e * gaussian(half - tilt, beta) / (cosine * cosine)
+                for e, (tilt, beta) in zip(spread, self._own, strict=True)
+            ]
+            light = light + weight * sum(combined(self._row, a, half, cosine, direct, spread, 2 * arb.pi()), 0 * t)
+        into = (self._theta_r - 2 * t).cos()
+        return 2 * light * into * into
 
 
 def _averages_between(fibre: Fibre, lobe: int, low: Ball, high: Ball) -> list[Piece]:
@@ -122,11 +109,10 @@ def _averages_on(fibre: Fibre, lobe: int, k: int) -> list[Piece]:
 def _ends(fibre: Fibre) -> list[Ball]:
     """Return ends of panels of theta_d: where x at a pole is at one of W's ends, and ever closer to the poles."""
     arb = flint().arb
-    toward = [pi / 2 - 2.0**-k for k in range(_TOWARD_POLES + 1)]
+    toward = toward_poles(_TOWARD_POLES)
     at_pole = [float(2 * x) - side * pi / 2 for x in energies_of(fibre).ends for side in (1, -1)]
-    inside = [arb(x) for x in (*at_pole, *toward, *(-x for x in toward)) if abs(x) < toward[-1]]
-    first, last = arb(-toward[-1]), arb(toward[-1])
-    return [first, *_apart(inside, first, last), last]
+    first, last = arb(min(toward)), arb(max(toward))
+    return [first, *_apart([arb(x) for x in (*at_pole, *toward)], first, last), last]
 
 
 def _apart(ends: list[Ball], low: Ball, high: Ball) -> list[Ball]:

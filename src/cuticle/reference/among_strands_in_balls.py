@@ -24,7 +24,7 @@ from cuticle.reference.triangle_wave import TriangleWave
 
 PARTS = (*LOBES, "back")
 Fibre = tuple[tuple[str, float], ...]
-_BITS = 80  # of working precision within the averages, whose quadrature is far less exact
+BITS_OF_AVERAGES = 80  # of working precision: their quadrature is far less exact
 
 
 class Averages(NamedTuple):
@@ -41,25 +41,42 @@ class Averages(NamedTuple):
 def dual_scattering(row: Row, sizes: Sequence[Sequence[float]]) -> Values:
     """Return f and its parts: R, TT, TRT, lit or through strands, and what the strands behind send back."""
     arb = flint().arb
-    theta_i, theta_r, d_b, n = (arb(row[k]) for k in ("theta_i", "theta_r", "d_b", "strands"))
+    theta_i, theta_r = arb(row["theta_i"]), arb(row["theta_r"])
     half, difference = (theta_i + theta_r) / 2, (theta_r - theta_i) / 2
     averages = _averages(fibre_of(row), row["theta_r"] - row["theta_i"])
-    lit = min(max(1 - row["strands"], 0.0), 1.0)
-    count = n if row["strands"] > 1 else arb(1)
     direct, spread = _of_the_strand(tuple(sorted(row.items())), tuple(map(tuple, sizes)))
-    parts: list[list[Ball]] = [[] for _ in PARTS]
+    found = []
     for c, a in enumerate(averages):
-        share = arb(row["d_f"]) ** 2 * (1 - arb(lit)) * a.a_f**count
-        for p, lobe in enumerate(LOBES):
-            width = (radians(row[f"beta_{lobe}"]) ** 2 + count * a.beta_f**2).sqrt()
-            m = gaussian(half - radians(row[f"alpha_{lobe}"]), width) / difference.cos() ** 2
-            parts[p].append(lit * direct[p][c] + share * m * spread[p][c])
-        back, shift, deviation = back_of(a, d_b)
-        m = gaussian(half - shift, deviation) / difference.cos() ** 2
-        through = gaussian(half - shift, (deviation**2 + count * a.beta_f**2).sqrt()) / difference.cos() ** 2
-        f_back = 2 * d_b * back / arb.pi()
-        parts[3].append(lit * f_back * m + share * arb.pi() * f_back * through)
-    return Values(parts, None, theta_i.cos(), PARTS)
+        own, around = ([lobe[c] for lobe in x] for x in (direct, spread))
+        found.append(combined(row, a, half, difference.cos(), own, around, arb(1)))
+    return Values([list(part) for part in zip(*found, strict=True)], None, theta_i.cos(), PARTS)
+
+
+def combined(
+    row: Row, a: Averages, half: Ball, cosine: Ball, direct: Sequence[Ball], spread: Sequence[Ball], turn: Ball
+) -> list[Ball]:
+    """Return the parts of f in one channel, of balls or of series: R, TT and TRT, and what the strands behind send back.
+
+    `direct` are the strand's own parts, `spread` the azimuthal parts of light that comes evenly over half a turn; or both
+    integrated over `turn`, the azimuths. `half` is theta_h, `cosine` that of theta_d.
+    """
+    arb, pi = flint().arb, flint().arb.pi()
+    lit, count, d_b = arb(min(max(1 - row["strands"], 0.0), 1.0)), arb(max(row["strands"], 1.0)), arb(row["d_b"])
+    share = arb(row["d_f"]) ** 2 * (1 - lit) * (count * a.a_f.log()).exp()
+    spreading = count * a.beta_f * a.beta_f
+
+    def through(x: Ball, deviation: Ball) -> Ball:
+        return gaussian(x, (deviation * deviation + spreading).sqrt()) / (cosine * cosine)
+
+    parts = []
+    for lobe, own, around in zip(LOBES, direct, spread, strict=True):
+        x, beta = half - radians(row[f"alpha_{lobe}"]), radians(row[f"beta_{lobe}"])
+        parts.append(lit * own + share * through(x, beta) * around)
+    if not d_b > 0:
+        return [*parts, 0 * half]
+    back, shift, deviation = _back(a, d_b)
+    own = gaussian(half - shift, deviation) / (cosine * cosine)
+    return [*parts, 2 * d_b / pi * turn * back * (lit * own + share * pi * through(half - shift, deviation))]
 
 
 def fibre_of(row: Row) -> Fibre:
@@ -92,7 +109,7 @@ def _of_the_strand(given: tuple[tuple[str, float], ...], sizes: tuple[tuple[floa
     return direct, [mean(p) for p in range(3)]
 
 
-def back_of(a: Averages, d_b: Ball) -> tuple[Ball, Ball, Ball]:
+def _back(a: Averages, d_b: Ball) -> tuple[Ball, Ball, Ball]:
     """Return A_b, its shift and its deviation, as printed."""
     f2, b2 = a.a_f**2, a.a_b**2
     q = 1 - f2
@@ -108,7 +125,7 @@ def back_of(a: Averages, d_b: Ball) -> tuple[Ball, Ball, Ball]:
 def _averages(fibre: Fibre, twice: float) -> list[Averages]:
     """Return the averages of each channel at theta_d = twice/2."""
     module, energies = flint(), energies_of(fibre)
-    with working_precision(_BITS), series_terms(1):
+    with working_precision(BITS_OF_AVERAGES), series_terms(1):
         here = module.arb_series([module.arb(twice) / 2])
         by_lobe = [over_inclinations(energies, p, here, here[0], both_cosines) for p in range(len(LOBES))]
         return averages_of(fibre, [[s[0] for s in lobe] for lobe in by_lobe], module.arb(0))
@@ -118,7 +135,7 @@ def _averages(fibre: Fibre, twice: float) -> list[Averages]:
 def energies_of(fibre: Fibre) -> LobeEnergies:
     """Return what each lobe sends on, and back."""
     row = dict(fibre)
-    with working_precision(_BITS):
+    with working_precision(BITS_OF_AVERAGES):
         return LobeEnergies(row, _halves(radians(row["beta_N"])))
 
 

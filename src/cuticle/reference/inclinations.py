@@ -162,7 +162,7 @@ def _ends(energies: LobeEnergies, here: Series, panel: Ball, alpha: Ball, beta: 
     kept = [x for x in energies.ends if x > first.lower() + BEYOND and x < last.upper() - BEYOND]
     if not all(x > first.upper() - BEYOND and x < last.lower() + BEYOND for x in kept):
         raise ArithmeticError("the pole moves from one of W's panels to another: halve the panel of inclinations")
-    more = [side * arb(pi / 2 - 2.0**-k) for k in range(1, _TOWARD_POLES + 1) for side in (1, -1)]  # cos t vanishes there
+    more = [arb(x) for x in toward_poles(_TOWARD_POLES)]  # cos t vanishes there
     for a, b in pairwise(energies.ends):
         parts = ceil(float((b - a) / (_WIDEST * beta)))
         more += [a + (b - a) * k / parts for k in range(1, parts)]
@@ -184,6 +184,11 @@ def _in_bounds(f: Callable[[Ball], list[Ball]], count: int) -> list[Ball]:
     arb, steps = flint().arb, 4
     each = [f((arb(k) / steps).union(arb(k + 1) / steps)) for k in range(steps)]
     return [sum(x, arb(0)) / steps for x in zip(*each, strict=True)]
+
+
+def toward_poles(count: int) -> list[float]:
+    """Return ends of panels toward both poles, each panel half as wide as the one before."""
+    return [side * (pi / 2 - 2.0**-k) for k in range(1, count + 1) for side in (1, -1)]
 
 
 def _coefficients(x: Series, terms: int) -> list[Ball]:

@@ -42,7 +42,7 @@ class Strands(Value, Plotted):
         Strand density factors, forward and backward.
     rows
         Of light's inclinations, evenly over half a turn, 9 to 361. 45 are 4° apart; lobes that are narrower come out about
-        as wide as that. Twice as many take eight times as long.
+        as wide as that. The matrices that are solved grow with them.
 
     Raises
     ------
