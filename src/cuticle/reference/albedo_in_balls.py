@@ -62,7 +62,6 @@ class _Light:
         self._energies = energies_of(self._fibre)
         self._averages = [_averages_between(self._fibre, p, low, high) for p in range(len(LOBES))]
         self._weights = luminance_weights(len(absorptions(row)))
-        self._own = list(zip(self._energies.tilts, self._energies.deviations, strict=True))
         self.ends = [*self._energies.ends, *(p.middle + p.half for pieces in self._averages for p in pieces)]
 
     def __call__(self, t: Series) -> Series:
@@ -79,10 +78,8 @@ class _Light:
         light, cosine, half = 0 * t, t.cos(), self._theta_r - t
         for c, (weight, a) in enumerate(zip(self._weights, averages, strict=True)):
             spread = [e[c] for e in energies]
-            direct = [
-                e * gaussian(half - tilt, beta) / (cosine * cosine)
-                for e, (tilt, beta) in zip(spread, self._own, strict=True)
-            ]
+            own = zip(spread, self._energies.tilts, self._energies.deviations, strict=True)
+            direct = [e * gaussian(half - tilt, beta) / (cosine * cosine) for e, tilt, beta in own]
             light = light + weight * sum(combined(self._row, a, half, cosine, direct, spread, 2 * arb.pi()), 0 * t)
         into = (self._theta_r - 2 * t).cos()
         return 2 * light * into * into
