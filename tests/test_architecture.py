@@ -153,3 +153,19 @@ def test_importing_the_package_imports_nothing_heavy() -> None:
     code = "import sys, cuticle; print(*(m for m in ('numpy', 'scipy', 'typing', 'pathlib', 'ast') if m in sys.modules))"
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert ran.stdout.strip() == ""
+
+
+def test_a_material_loads_no_scene() -> None:
+    """Materials are made while a scene loads, in one of several threads, and `load_dict` swaps the one file resolver.
+
+    The others read it meanwhile: the first scene of a process, in a spectral variant, failed now and then
+    ("basic_string::_M_create").
+    """
+    loads = {"load_dict", "load_file", "load_string", "set_file_resolver"}
+    called = [
+        f"{path.name}: {node.attr}"
+        for path in (SOURCE / "mitsuba").rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Attribute) and node.attr in loads
+    ]
+    assert called == []

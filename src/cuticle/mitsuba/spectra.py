@@ -26,9 +26,11 @@ def spectrum(values: tuple[float, ...]) -> Any:
         return mi.ScalarColor3d(*values)
     red, green, blue = np.maximum(values, 1e-20)  # Mitsuba takes no spectrum of 0
     steps = (blue, blue, green, green, red, red)
-    return mi.load_dict(
-        {"type": "irregular", "wavelengths": ", ".join(map(str, _WAVELENGTHS)), "values": ", ".join(map(str, steps))}
-    )
+    # Not mi.load_dict: this runs while a scene loads, in one thread of several, and load_dict puts a file resolver of its
+    # own in the place of the one that the others are reading, then frees it.
+    props = mi.Properties("irregular")
+    props["wavelengths"], props["values"] = ", ".join(map(str, _WAVELENGTHS)), ", ".join(map(str, steps))
+    return mi.PluginManager.instance().create_object(props)
 
 
 def tensor(values: NDArray[np.floating[Any]]) -> Any:
