@@ -14,6 +14,7 @@ import pytest
 import cuticle
 from command import refused, run
 from cuticle import Chiang, Tabulated, from_callable
+from cuticle.sampling.quality import worst_shares
 from cuticle.scattering.by_name import model_of, read_model
 from test_tabulated import THETA, TURN, VIEWERS, values
 
@@ -223,3 +224,21 @@ def test_the_rgb_objective_comes_near_what_one_density_can_have() -> None:
             assert limit.worst >= min(limit.luminance) - 1e-6
     uniform = cuticle.channel_bounds(Chiang(sigma_a=(0.3, 0.3, 0.3)), 0.2)
     assert uniform.worst == pytest.approx(1, abs=1e-6)  # where all channels are alike, one density suits all
+
+
+@pytest.mark.parametrize("channels", [1, 3, 8])
+def test_no_density_has_a_better_worst_channel_than_its_bound(channels: int) -> None:
+    """The bound is the worst channel of one density, and every λ proves that no density beats its own sum by much."""
+    rng = np.random.default_rng(channels)
+    x, weight = np.linspace(0, 1, 4000)[:, None], np.full(4000, 1 / 4000)
+    for _ in range(20):
+        peaks = (np.exp(-0.5 * ((x - rng.random()) * 10 ** rng.uniform(0.3, 2)) ** 2) for _ in range(5))
+        f = sum(rng.random((1, channels)) ** 3 * peak for peak in peaks) + 1e-6
+        square = (f / (weight @ f)) ** 2
+        share = worst_shares(weight, square)
+        assert share.sum() == pytest.approx(1)
+        root = np.sqrt(square @ share)
+        loss = (weight / root) @ square * (weight @ root)  # 1/ESS of this density's channels
+        sums = [(weight @ np.sqrt(square @ other)) ** 2 for other in (share, *rng.dirichlet(np.ones(channels), 200))]
+        assert max(sums) <= loss.max() * (1 + 1e-12)
+        assert loss.max() <= sums[0] * (1 + 2e-5)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
 from itertools import combinations
 
@@ -55,16 +54,12 @@ def fit_table(points: Points, lobes: int, progress: Progress, again: Again | Non
         if found[-1][0] < _HELD:
             break
     _, best, u = min(found, key=lambda f: f[0])
-    coarse = _coarse(best)
+    coarse = best.coarse
     while u.shape[3] < lobes:
         progress(f"splitting {u.shape[3]} lobes", 0.5 * u.shape[3] / lobes)
         more = min(2 * u.shape[3], lobes)
         u = polish(coarse, split(coarse, u, more), _steps(more) if more == lobes else _FEW_STEPS)
     return best, polish(best, u, _steps(lobes), lambda f: progress("polishing", 0.5 + 0.5 * f))
-
-
-def _coarse(points: Points) -> Points:
-    return replace(points, targets=points.targets.coarser())
 
 
 def _steps(lobes: int) -> int:
@@ -75,7 +70,7 @@ def _followed(
     points: Points, lobes: int, first: int, again: Again | None, report: Callable[[float], None]
 ) -> tuple[Points, Array]:
     """Return the points and a table whose row `first` is fitted by itself and leads to the next, on to either end."""
-    coarse = _coarse(points)
+    coarse = points.coarse
     places = points.whole  # rows, and numbers of strands between them
     begin = int(np.searchsorted(places, np.argmax(points.by_row[:, first])))
     row = coarse.of_row(places[begin])
@@ -104,7 +99,7 @@ def _followed(
             if len(rows) == len(points.on_nodes):
                 break
             points = again(rows, points, points.nodes)
-    coarse = _coarse(points)
+    coarse = points.coarse
     return points, polish(coarse, relabel(coarse, of_rows()), _steps(lobes), lambda f: report(0.5 + 0.5 * f))
 
 

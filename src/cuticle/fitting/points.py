@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,11 @@ class Points:
         """The table's strand counts."""
         return self.strands[self.on_nodes[:, 0]]
 
+    @cached_property
+    def coarse(self) -> Points:
+        """The same points, with targets on coarser grids."""
+        return replace(self, targets=self.targets.coarser())
+
     def natural(self, x: Array) -> Array:
         """Return the table's parameters at each point: x (rows, nodes, 5, K) -> (points, 5, K)."""
         there = np.tensordot(self.by_row, self.by_node @ x.reshape(*self.on_nodes.shape, -1), 1)
@@ -54,9 +60,9 @@ class Points:
 
     def by_entry(self, values: Array) -> Array:
         """Return each entry's share of the points' values: (points, ...) -> (rows * nodes, ...)."""
-        there = np.zeros((*self.seen.shape, values[0].size))
-        there[self.seen] = values.reshape(len(values), -1)
-        return (self.by_node.T @ np.tensordot(self.by_row.T, there, 1)).reshape(-1, *values.shape[1:])
+        of_places = np.split(values.reshape(len(values), -1), np.cumsum(self.seen.sum(axis=1))[:-1])  # along rows
+        there = np.array([self.by_node[seen].T @ v for seen, v in zip(self.seen, of_places, strict=True)])
+        return np.tensordot(self.by_row.T, there, 1).reshape(-1, *values.shape[1:])
 
     @property
     def whole(self) -> NDArray[np.intp]:

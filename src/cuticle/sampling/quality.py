@@ -16,7 +16,9 @@ _COARSE = (360, 120)
 _FINE = (80, 48)
 _ORDER = 4
 _LEAST_DENSITY = 1e-30  # 1/sr
-_BALANCING = 80  # steps in which the channels' ESS even out
+_LEAST_SQRT = 1e-100  # of a density's square: where no channel has light
+_GAP = 1e-5  # of `ChannelBounds.worst`, relative
+_STEPS = 100  # toward it; 12 are usual
 
 
 class Density(Protocol):
@@ -135,8 +137,8 @@ class ChannelBounds:
 def channel_bounds(model: Bcsdf, theta_r: float) -> ChannelBounds:
     """Return bounds on the ESS of single channels for one viewer (radians), if one density serves all channels.
 
-    With q_c = f_c cos/∫ f_c cos, Σ λ_c/ESS_c is smallest for p ∝ sqrt(Σ λ_c q_c²). Equal λ give `rgb`; the λ that equalise
-    the channels' ESS give `worst` (minimax).
+    With q_c = f_c cos/∫ f_c cos, Σ λ_c/ESS_c is smallest for p ∝ sqrt(Σ λ_c q_c²). Equal λ give `rgb`; the λ whose
+    smallest sum is the largest give `worst`.
     """
     even = is_even(model)
 
@@ -154,12 +156,36 @@ def channel_bounds(model: Bcsdf, theta_r: float) -> ChannelBounds:
         density = np.maximum(p / (weight @ p), _LEAST_DENSITY)
         return 1 / np.maximum((weight / density) @ square, 1e-300)
 
-    share = np.where(energy > 0, 1.0, 0.0) / max(int((energy > 0).sum()), 1)
-    best = rgb = ess(np.sqrt(square @ share))
-    for _ in range(_BALANCING):
-        loss = 1 / best
-        share = share * np.exp(0.7 * (loss - loss.mean()) / loss.max())
-        share = share / share.sum()
-        best = ess(np.sqrt(square @ share))
+    lit = square[:, energy > 0]
+    rgb = ess(np.sqrt(lit.mean(axis=1)))
     bright = ess(luminance(f))
-    return ChannelBounds(tuple(map(float, bright)), tuple(map(float, rgb)), float(best.min()))
+    worst = ess(np.sqrt(lit @ worst_shares(weight, lit)))
+    return ChannelBounds(tuple(map(float, bright)), tuple(map(float, rgb)), float(worst.min()))
+
+
+def worst_shares(weight: NDArray[np.float64], square: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the λ, out of 1, for which the smallest Σ λ_c/ESS_c over all densities is largest.
+
+    That sum is (∫ sqrt(Σ λ_c q_c²))², with `square` the q_c², (points, channels); it is concave in λ. No density's largest
+    1/ESS_c is below it, whatever λ. The search ends where that of the density of λ itself is hardly above. It takes
+    Levenberg-Marquardt steps in ln λ, for a λ that goes to 0.
+    """
+    share, damping = np.full(square.shape[1], 1 / max(square.shape[1], 1)), 0.1
+    root = np.maximum(np.sqrt(square @ share), _LEAST_SQRT)
+    for _ in range(_STEPS):
+        whole, slope = weight @ root, (weight / root) @ square
+        loss = whole * slope  # 1/ESS_c
+        if loss.max(initial=0) - share @ loss <= _GAP * loss.max(initial=0):
+            break
+        bend = (square.T * (weight / root**3)) @ square * whole - np.outer(slope, slope)
+        bend *= 0.5 / (share @ loss) * np.outer(share, share)
+        for _ in range(20):
+            step = np.linalg.solve(bend + damping * np.diag(share), share * (loss / (share @ loss) - 1))
+            trial = share * np.exp(np.clip(step, -4, 4))
+            trial /= trial.sum()
+            root = np.maximum(np.sqrt(square @ trial), _LEAST_SQRT)
+            if weight @ root >= whole:
+                break
+            damping *= 8
+        share, damping = trial, 0.1 * damping
+    return share
