@@ -100,7 +100,7 @@ def evaluate(model: Bcsdf, theta_i: NDArray, theta_r: float | NDArray, phi: NDAr
         raise ValueError(
             f"model.eval must return shape {(*shape, 'channels')} for angles that broadcast to {shape}, got {f.shape}"
         )
-    if not np.isfinite(f).all() or (f < 0).any():
+    if f.size and not (f.min() >= 0 and f.max() < np.inf):  # of a NaN both are NaN
         at = tuple(np.argwhere(~(np.isfinite(f) & (f >= 0)))[0])
         there = [float(np.broadcast_to(x, shape)[at[:-1]]) for x in angles]
         raise ValueError(
