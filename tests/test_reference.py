@@ -11,9 +11,11 @@ import pytest
 
 from command import refused, run
 from cuticle.reference import balls, check, make
-from cuticle.reference.cases import draw
+from cuticle.reference.cases import SIGMAS, draw
 from cuticle.reference.models import evaluate, formulas_of
 from cuticle.reference.search import applicable
+from cuticle.reference.slip_table import SLIPS
+from cuticle.reference.slips import attenuation_by
 from planted import planted, submission
 
 pytest.importorskip("flint", reason="python-flint is not installed: pip install 'cuticle[reference]'")
@@ -37,6 +39,39 @@ def test_a_planted_slip_is_named(slip: Any) -> None:
     found = check(submission(NEAR, evaluate(slip.change(F), NEAR).f, single=True))
     assert not found.ok
     assert found.slips == (slip.name,)
+
+
+@pytest.mark.parametrize("wild", [1e6, -7.0, 0.5])
+def test_a_few_wrong_values_are_not_right(wild: float) -> None:
+    """What explains all the other values is no slip, and an approximation excuses no value that it does not explain."""
+    f = evaluate(F, NEAR).f
+    f[[7, 80, 203], [0, 1, 2]] *= wild
+    found = check(submission(NEAR, f, single=True))
+    assert not found.ok
+    assert found.slips == ()
+    assert "verdict: WRONG (f: all cases but 3 are right)" in str(found)
+    assert "case 8, 81, 204" in str(found)
+    approximation = next(s for s in SLIPS if s.name == "log-i0-first-order")
+    f = evaluate(approximation.change(F), NEAR).f
+    assert check(submission(NEAR, f, single=False)).ok
+    f[7, 0] *= wild
+    found = check(submission(NEAR, f, single=False))
+    assert not found.ok
+    assert "verdict: WRONG (f: log-i0-first-order, and some values are far off)" in str(found)
+
+
+@pytest.mark.parametrize("factor", [12.0, 3.0, 1.9, 0.5])
+def test_a_plain_factor_is_named_alone(factor: float) -> None:
+    found = check(submission(NEAR, factor * evaluate(F, NEAR).f, single=True))
+    assert found.slips == ()
+    assert f"verdict: WRONG (f: f × {factor:g})" in str(found)
+
+
+@pytest.mark.parametrize("lobe", [0, 2])
+def test_a_missing_lobe_is_named(lobe: int) -> None:
+    missing = attenuation_by(lobe, lambda a, f, t: 0 * a)(F)
+    found = check(submission(NEAR, evaluate(missing, NEAR).f, single=True))
+    assert f"verdict: WRONG (f: {F.lobes[lobe]} is missing)" in str(found)
 
 
 def test_falcors_values_have_the_halved_term(data: Path) -> None:
@@ -65,3 +100,22 @@ def test_cases_are_written_and_checked(tmp_path: Path) -> None:
     text = (tmp_path / "cases.csv").read_text()
     (tmp_path / "cut.csv").write_text(text[: int(len(text) * 0.7)])
     refused("reference", "check", "cut.csv", words="cells for", cwd=tmp_path)
+    head, rows = text[: text.index("case,")], text[text.index("case,") :]
+    for name, other, words in (
+        ("semicolons", rows.replace(",", ";"), "columns must be separated by commas, not by ';'"),
+        ("tabs", rows.replace(",", "\t"), "columns must be separated by commas, not by '\\t'"),
+        ("capitals", rows.replace("theta_i", "Theta_i", 1), "has a column 'Theta_i': name it 'theta_i'"),
+        ("no_h", rows.replace(",h,", ",offset,", 1), "has no column 'h', though its head says near field"),
+        ("underscore", rows.replace("\n1,", "\n1,1_0", 1), "theta_i must be a number, got '1_0"),
+    ):
+        (tmp_path / f"{name}.csv").write_text(head + other)
+        refused("reference", "check", f"{name}.csv", words=words, cwd=tmp_path)
+
+
+@pytest.mark.parametrize("cell", ["%.3g", "%.6f"])
+def test_values_of_few_digits_are_told_of(cell: str, tmp_path: Path) -> None:
+    right = evaluate(F, NEAR).f
+    header = [*NEAR.columns, *SIGMAS, "f_r", "f_g", "f_b"]
+    rows = [[*map(repr, NEAR.row(i).values()), *(cell % x for x in right[i])] for i in range(60)]
+    (tmp_path / "mine.csv").write_text("\n".join(map(",".join, [header, *rows])) + "\n")
+    assert any("digits: write nine (%.9g)" in note for note in check(tmp_path / "mine.csv").notes)

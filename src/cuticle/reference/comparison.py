@@ -20,6 +20,7 @@ from cuticle.reference.making import values_of
 from cuticle.reference.models import evaluate, formulas_of
 from cuticle.reference.scans import leads
 from cuticle.reference.search import Search, changed, predicted, search
+from cuticle.reference.slips import Slip
 from cuticle.reference.tolerance import AVERAGED, FLOORS, Quantity, quantity
 from cuticle.reference.values_file import Submission, read
 from cuticle.scattering.bcsdf import luminance_weights
@@ -27,6 +28,8 @@ from cuticle.scattering.bcsdf import luminance_weights
 Array = NDArray[np.float64]
 PRECISIONS = ("auto", "single", "double")
 _PROVEN_ROWS = {True: 200, False: 12}
+_DIGITS = 6  # with fewer, rounding is more than the tolerance at times
+_NEARER = 0.9  # of the values off: what slips that do not explain them must leave at most to be named
 _AGREE = 1e-4  # of a tolerance's share: what double precision may be off from a proven value
 
 
@@ -87,9 +90,12 @@ def check(
     why = "as asked" if precision != "auto" else "no value has over nine digits" if given.single else "by the values' digits"
     note, right = _certified(F, inputs, given, right)
     notes = [note, *notes]
+    if given.digits < _DIGITS:
+        notes.append(f"a quarter of the values have no more than {given.digits} digits: write nine (%.9g), rounding counts")
     report("the reference", 0.1)
     columns = [("f", given.f), ("pdf", given.pdf[:, None])]
     kept = [(n, v) for n, v in columns if np.isfinite(v).any()]
+    notes += [f"every value of {name} is 0" for name, v in kept if not np.nan_to_num(v).any()]
     checked = []
     for k, (name, v) in enumerate(kept):
         q = quantity(name, v, F, inputs, right, chosen, tolerance)
@@ -165,14 +171,28 @@ def _check(F: Formulas, q: Quantity, given: Submission, right: Evaluated, tolera
     progress(f"slips of {q.name}", 0.0)
     made: Search = search(F, q, inputs, value, lambda x: progress(f"slips of {q.name}", 0.6 * x))
     found = replace(found, best=made.best, alternatives=made.alternatives, singles=made.singles, verdict="wrong")
-    if made.best.explains:
-        known = all(s.approximation for s in made.best.slips)
+    best = made.best
+    if best.explains:
+        known = best.slips and all(s.approximation for s in best.slips) and not best.strays
+        if not best.slips:
+            off = (np.nan_to_num(q.off(value)) > 1).any(axis=1)
+            found = replace(found, strays=tuple(int(n) for n in given.rows[off]))
         return replace(found, verdict="right but for an approximation") if known else found
-    rows = made.rows
-    base = changed(F, made.best.slips) if made.best.score < 0.6 * made.singles[-1].score else F
-    base = base if made.best.score < 0.6 * q.take(rows).score(value[rows]) else F
-    where = leads(base, q.take(rows), inputs.take(rows), lambda x: progress(f"leads of {q.name}", 0.6 + 0.4 * x))
-    return replace(found, best=made.best if base is not F else replace(made.best, slips=()), leads=where)
+    few, some = q.take(made.rows), inputs.take(made.rows)
+    bases: list[tuple[Slip, ...]] = [()]  # one number may explain what slips, found one by one, only come near to
+    if best.score < 0.6 * min(made.singles[-1].score, few.score(value[made.rows])):
+        bases.append(best.slips)
+    for k, slips in enumerate(bases):
+
+        def part(x: float, k: int = k) -> None:
+            progress(f"leads of {q.name}", 0.6 + 0.4 * (k + x) / len(bases))
+
+        where = leads(changed(F, slips), few, some, part)
+        if where.explain or not slips or best.outside < _NEARER * found.outside:
+            found = replace(found, best=replace(best, slips=slips), leads=where)
+        if where.explain:
+            break
+    return found
 
 
 def _worst(F: Formulas, q: Quantity, given: Submission, right: Evaluated) -> tuple[tuple[Worst, ...], tuple[Worst, ...]]:

@@ -55,6 +55,8 @@ class Checked:
         Others that explain them as well; single slips by misfit, best first.
     leads
         Where to look, where no hypothesis explains the values.
+    strays
+        Cases that are off where all others are right.
     """
 
     name: str
@@ -68,6 +70,7 @@ class Checked:
     alternatives: tuple[Hypothesis, ...] = ()
     singles: tuple[Hypothesis, ...] = ()
     leads: Leads | None = None
+    strays: tuple[int, ...] = ()
 
     @property
     def ok(self) -> bool:
@@ -139,16 +142,22 @@ def _summary(found: Findings) -> str:
     for c in found.checked:
         if c.best is None:
             continue
-        parts.append(f"{c.name}: {c.best.name if c.best.explains else _one_change(c) or 'no known slip explains it'}")
+        what = _one_change(c) or "no known slip explains it"
+        if c.best.explains:
+            what = c.best.name + (", and some values are far off" if c.best.strays else "") if c.best.slips else _all_but(c)
+        parts.append(f"{c.name}: {what}")
     return f" ({'; '.join(parts)})" if parts else ""
+
+
+def _all_but(c: Checked) -> str:
+    return f"all cases but {len(c.strays)} are right"
 
 
 def _one_change(c: Checked) -> str:
     """Return the change that explains the values, on top of the known slips, if one does."""
-    clue = c.leads.clues[0] if c.leads is not None and c.leads.clues else None
-    if clue is None or clue.outside > EXPLAINED:
+    if c.best is None or c.leads is None or not c.leads.explain:
         return ""
-    return " + ".join([s.name for s in c.best.slips] + [clue.words]) if c.best is not None else clue.words
+    return " + ".join([s.name for s in c.best.slips] + [c.leads.clues[0].words])
 
 
 def _checked(c: Checked) -> list[str]:
@@ -179,7 +188,7 @@ def _of(w: Worst) -> str:
 
 def _difference(w: Worst) -> str:
     d = w.difference
-    return f"{100 * d:+.2g} %" if abs(d) < 9.95 else f"× {w.given / w.right:.3g}" if w.right else "–"
+    return f"{100 * d:+.2g} %" if abs(d) < 0.995 else f"× {w.given / w.right:.3g}" if w.right else "–"
 
 
 def _percent(share: float) -> str:
@@ -189,11 +198,16 @@ def _percent(share: float) -> str:
 def _explained(c: Checked) -> list[str]:
     best = c.best
     assert best is not None
+    if not best.slips:
+        cases = ", ".join(map(str, c.strays[:12])) + (" …" if len(c.strays) > 12 else "")
+        return [f"  diagnosis: {_all_but(c)}, and no known slip explains those; see what is particular to case {cases}"]
     lines = [f"  diagnosis: {best.name}; with {_them(best)}, {_percent(best.outside)} of the values are off"]
+    if best.strays:
+        lines.append("    some of these are so far off that it is not all that is wrong")
     lines += _slips(best)
     for h in c.alternatives:
         lines.append(f"    these values do not tell it from: {h.name} ({_percent(h.outside)} off)")
-    others = [h for h in c.singles if h.slips and h.slips != best.slips][:3]
+    others = [h for h in c.singles if h.slips and h.slips != best.slips and h.outside < 0.5 * c.outside][:3]
     if others:
         tail = "; ".join(f"{h.name} {_percent(h.outside)}" for h in others)
         lines.append(f"    single slips, and what each leaves off (of the cases searched): {tail}")
@@ -214,7 +228,10 @@ def _slips(h: Hypothesis) -> list[str]:
 def _unexplained(c: Checked) -> list[str]:
     best = c.best
     assert best is not None
+    change = _one_change(c)
     lines = ["  diagnosis: none of the known slips explains it; one at a time, other numbers and exponents were tried"]
+    if change:
+        lines = [f"  diagnosis: {change}; found among other numbers and exponents, which were tried one at a time"]
     if best.slips:
         lines.append(
             f"    nearest: {best.name}, which leaves {_percent(best.outside)} off (median difference {best.median:.2g})"
@@ -226,6 +243,8 @@ def _unexplained(c: Checked) -> list[str]:
     for clue in c.leads.clues:
         does = "explains it" if clue.outside <= EXPLAINED else "would help"
         lines.append(f"    {does}{on_top}: {clue.words} ({_percent(clue.outside)} of the cases searched left off)")
+    if change:
+        return lines
     if c.leads.lobes:
         lines.append(f"    by lobe{on_top}:")
         lines += [f"      {text}" for text in c.leads.lobes]
@@ -249,7 +268,7 @@ def _checked_dict(c: Checked) -> dict[str, Any]:
         "lobes": [asdict(w) for w in c.lobes], "regions": [asdict(w) for w in c.regions],
         "diagnosis": None if c.best is None else _hypothesis(c.best),
         "alternatives": [_hypothesis(h) for h in c.alternatives], "singles": [_hypothesis(h) for h in c.singles],
-        "leads": None if c.leads is None else asdict(c.leads),
+        "leads": None if c.leads is None else asdict(c.leads), "strays": list(c.strays),
     }  # fmt: skip
 
 

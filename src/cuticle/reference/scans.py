@@ -17,7 +17,8 @@ from cuticle.reference.cases import Inputs
 from cuticle.reference.formulas import ROUGHLY, Evaluated, Formulas
 from cuticle.reference.models import evaluate
 from cuticle.reference.search import predicted, value_of
-from cuticle.reference.tolerance import Quantity
+from cuticle.reference.slips import attenuation_by
+from cuticle.reference.tolerance import EXPLAINED, Quantity
 from cuticle.reference.variants import ROOT, SCALE, polynomial, variants
 
 Array = NDArray[np.float64]
@@ -33,6 +34,8 @@ _CONSTANTS = {
     "ln 2": math.log(2), "log2 e": 1 / math.log(2), "ln 10": math.log(10),
 }  # fmt: skip
 _FAR_ROWS = 40
+_POSITIVE = ("the variance", "every variance", "the scale", "η′", "eta", "beta", "sigma_a")  # no other number has a meaning
+_COARSE_AT_MOST = 0.5  # ln of what a coarse quadrature is off by, for three values in four
 _WITHOUT = 1e-5  # a lobe's share below which a value does without it
 Change = tuple[Formulas, Inputs]
 
@@ -54,6 +57,11 @@ class Leads:
     lobes: tuple[str, ...]
     inputs: tuple[str, ...]
 
+    @property
+    def explain(self) -> bool:
+        """Whether the first change explains the values."""
+        return bool(self.clues) and self.clues[0].outside <= EXPLAINED
+
 
 def leads(F: Formulas, quantity: Quantity, inputs: Inputs, progress: Callable[[float], None]) -> Leads:
     """Return where to look, for formulas that do not explain the quantity."""
@@ -62,19 +70,20 @@ def leads(F: Formulas, quantity: Quantity, inputs: Inputs, progress: Callable[[f
         quantity, inputs = quantity.take(few), inputs.take(few)
     e = evaluate(F, inputs, ROUGHLY, density=quantity.name == "pdf")
     before = quantity.score(predicted(e, quantity))
-    found = [*_powers(F, quantity, inputs, e)]
+    tried = [*_powers(F, quantity, inputs, e)]
     if quantity.name == "f":
-        found += _lobe_factors(F, quantity, inputs, e)
+        tried += _lobe_factors(F, quantity, inputs, e)
     every = list(_one_number(F, inputs)) + list(variants(F))
     for k, (words, make) in enumerate(every):
-        found.append(_fitted(words, make, F, quantity, inputs))
+        tried.append(_fitted(words, make, F, quantity, inputs))
         progress((k + 1) / len(every))
-    best = sorted((c for c in found if c.score < 0.8 * before), key=lambda c: c.score)
+    best = sorted((c for c in tried if c.score < 0.8 * before), key=lambda c: c.score)
     kept = [c for c in best if c.score <= 2 * best[0].score + 0.05][:5]
     off = quantity.off(predicted(e, quantity))
     grows = _correlations(quantity, inputs, predicted(e, quantity))
-    coarse = (_COARSENESS,) if quantity.averaged and _both_signs(quantity, predicted(e, quantity)) else ()
-    return Leads(tuple(kept), (*_lobes(F, quantity, e, off), *coarse), grows)
+    found = Leads(tuple(kept), _lobes(F, quantity, e, off), grows)
+    coarse = quantity.averaged and not found.explain and _both_signs(quantity, predicted(e, quantity))
+    return replace(found, lobes=(*found.lobes, _COARSENESS)) if coarse else found
 
 
 _COARSENESS = (
@@ -86,9 +95,10 @@ def _both_signs(quantity: Quantity, value: Array) -> bool:
     with np.errstate(all="ignore"):
         ratio = np.log(quantity.given / value)
     ratio = ratio[np.isfinite(ratio)]
-    return bool(
-        ratio.size >= 20 and abs(np.median(ratio)) < 0.15 * np.mean(np.abs(ratio)) and 0.25 < (ratio > 0).mean() < 0.75
-    )
+    if ratio.size < 20 or not 0.25 < (ratio > 0).mean() < 0.75:
+        return False
+    size = np.abs(ratio)
+    return bool(abs(np.median(ratio)) < 0.15 * size.mean() and np.quantile(size, 0.75) < _COARSE_AT_MOST)
 
 
 def constant(k: float) -> str:
@@ -108,6 +118,7 @@ def _fitted(words: str, make: Any, F: Formulas, quantity: Quantity, inputs: Inpu
         p = value_of(make, inputs, quantity, ROUGHLY)
         return Clue(words, quantity.outside(p), quantity.score(p))
     grid = _GRID if inputs.near else _COARSE
+    grid = grid[grid > 0] if words.startswith(_POSITIVE) else grid
     scores = [quantity.score(value(k)) for k in grid]
     i = int(np.argmin(scores))
     low, high, best = grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)], (scores[i], float(grid[i]))
@@ -138,6 +149,7 @@ def _one_number(F: Formulas, inputs: Inputs) -> Iterator[tuple[str, Callable[[fl
         yield from _coefficients(F, inputs)
     for p, lobe in enumerate(F.lobes):
         yield f"the variance of {lobe}", _lobes_times(F, inputs, "variances", p)
+        yield f"the energy of {lobe}", _energy_times(F, inputs, p)
         if p < 3:
             yield f"the tilt of {lobe}", _lobes_times(F, inputs, "tilts", p)
 
@@ -162,6 +174,10 @@ def _lobes_times(F: Formulas, inputs: Inputs, what: str, lobe: int | None) -> Ca
         return (replace(F, variances=values) if what == "variances" else replace(F, tilts=values)), inputs
 
     return change
+
+
+def _energy_times(F: Formulas, inputs: Inputs, lobe: int) -> Callable[[float], Change]:
+    return lambda k: (attenuation_by(lobe, lambda a, f, t: k * a)(F), inputs)
 
 
 def _coefficients(F: Formulas, inputs: Inputs) -> Iterator[tuple[str, Callable[[float], Change]]]:
@@ -203,7 +219,7 @@ def _powers(F: Formulas, quantity: Quantity, inputs: Inputs, e: Evaluated) -> li
             ratio = quantity.given / (value * factor)
         usual = ratio[np.isfinite(ratio) & (value > 0)]
         for k in {1.0, float(np.median(usual)) if usual.size else 1.0}:
-            if not any(powers) and k == 1:
+            if k == 0 or (not any(powers) and k == 1):
                 continue
             names = ("cos θ_i", "cos θ_r", "cos θ_d", "cos θ_h")
             words = [f"{n}^{m}" if m != 1 else n for n, m in zip(names, powers, strict=True) if m]
@@ -224,10 +240,14 @@ def _lobe_factors(F: Formulas, quantity: Quantity, inputs: Inputs, e: Evaluated)
         ratio = ratio[np.isfinite(ratio)]
         if ratio.size < 5:
             return []
-        factors.append(float(np.median(ratio)))
+        k = float(np.median(ratio))
+        factors.append(next((n for n in (0.0, 1.0) if abs(k - n) < 2e-3), k))
+    if np.ptp(factors) < 2e-3:  # one for all is a factor of f
+        return []
     p = np.einsum("npc,p->nc", e.parts, factors) * finished
-    words = ", ".join(f"{lobe} × {constant(k)}" for lobe, k in zip(F.names, factors, strict=True) if abs(k - 1) > 1e-3)
-    return [Clue(words, quantity.outside(p), quantity.score(p))] if words else []
+    changed = [(lobe, k) for lobe, k in zip(F.names, factors, strict=True) if k != 1]
+    words = ", ".join(f"{lobe} × {constant(k)}" if k else f"{lobe} is missing" for lobe, k in changed)
+    return [Clue(words, quantity.outside(p), quantity.score(p))]
 
 
 def _lobes(F: Formulas, quantity: Quantity, e: Evaluated, off: Array) -> tuple[str, ...]:
@@ -237,11 +257,13 @@ def _lobes(F: Formulas, quantity: Quantity, e: Evaluated, off: Array) -> tuple[s
         share = share.mean(axis=2, keepdims=True)
     found, names = [], range(len(F.names))
     for some in (c for size in (1, 2) for c in combinations(names, size)):
-        without = off[share[:, some].sum(axis=1) < _WITHOUT]
-        without = without[~np.isnan(without)]
-        if without.size >= 20 and (without > 1).mean() < 0.01:
-            which = " and ".join(F.names[p] for p in some)
-            found = [f"only {which} seems to be wrong: {without.size} values without it are right"]
+        rest = [p for p in names if p not in some]
+        seen = share[:, some].sum(axis=1) < _WITHOUT
+        groups = [off[seen], *(off[seen & (share[:, p] > 0.5)] for p in rest), *(off[share[:, p] > 0.99] for p in rest)]
+        groups = [g[~np.isnan(g)] for g in groups]
+        if groups[0].size >= 20 and all(g.size >= 5 and (g > 1).mean() < 0.01 for g in groups):
+            which = " or ".join(F.names[p] for p in some)
+            found = [f"the error is in {which}: {groups[0].size} values without it are right"]
             break
     value = predicted(e, quantity)
     for p, lobe in enumerate(F.names):
@@ -252,8 +274,8 @@ def _lobes(F: Formulas, quantity: Quantity, e: Evaluated, off: Array) -> tuple[s
         with np.errstate(all="ignore"):
             middle = np.nanmedian((quantity.given / value)[mine])
         found.append(
-            f"{lobe}: of {known.size} values that are its own, {100 * (known > 1).mean():.0f} % are off, in the median by"
-            f" {100 * (middle - 1):+.2g} %"
+            f"{lobe}: of {known.size} values that are its own, {100 * (known > 1).mean():.0f} % are off, in the median"
+            f" {f'by {100 * (middle - 1):+.2g} %' if abs(middle - 1) < 1 else f'× {middle:.3g}'}"
         )
     return tuple(found)
 

@@ -14,7 +14,7 @@ from cuticle.reference.formulas import PANELS, ROUGHLY, Evaluated, Formulas
 from cuticle.reference.models import evaluate
 from cuticle.reference.slip_table import SLIPS
 from cuticle.reference.slips import DUAL, Slip
-from cuticle.reference.tolerance import AVERAGED_SHARE, EXPLAINED, Quantity
+from cuticle.reference.tolerance import AVERAGED_SHARE, EXPLAINED, FURTHEST, Quantity
 
 Array = NDArray[np.float64]
 MOST_TOGETHER = 5
@@ -26,13 +26,17 @@ _PROGRESS = {True: 0.999, False: 0.95}  # a further slip must bring the misfit b
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """Slips, and what they leave: the share of values outside the tolerance, the median difference, and the misfit."""
+    """Slips, and what they leave: the share of values outside the tolerance, the median difference, and the misfit.
+
+    `strays`: whether any value is so far off that the slips, though they explain the others, cannot be all that is wrong.
+    """
 
     slips: tuple[Slip, ...]
     outside: float
     median: float
     score: float
     explains: bool
+    strays: bool = False
 
     @property
     def name(self) -> str:
@@ -145,4 +149,4 @@ def _judge(slips: tuple[Slip, ...], quantity: Quantity, value: Array) -> Hypothe
     outside = quantity.outside(value)
     limit = 2 * AVERAGED_SHARE if quantity.averaged else EXPLAINED
     explains = outside <= limit and quantity.bias(value) <= 1
-    return Hypothesis(slips, outside, median, quantity.score(value), explains)
+    return Hypothesis(slips, outside, median, quantity.score(value), explains, quantity.furthest(value) > FURTHEST)

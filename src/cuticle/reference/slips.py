@@ -97,6 +97,11 @@ def scale_times(by: float) -> Change:
     return lambda F: replace(F, scale=lambda q: F.scale(q) * by)
 
 
+def density_times(by: float) -> Change:
+    """Multiply D, that of R, TT and TRT."""
+    return lambda F: replace(F, density=lambda x, scale: by * F.density(x, scale))
+
+
 def path_by(of: Callable[[Any, Array], Array]) -> Change:
     """Make another path of the rays and the right one."""
     return lambda F: replace(F, path=lambda ray: of(ray, F.path(ray)))

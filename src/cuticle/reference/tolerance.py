@@ -81,7 +81,11 @@ class Quantity:
         off = self.off(predicted)
         off = off[~np.isnan(off)]
         share = AVERAGED_SHARE if self.averaged else SHARE
-        return bool((off > 1).mean() <= share and off.max() <= FURTHEST and self.bias(predicted) <= 1)
+        return bool((off > 1).mean() <= share and self.furthest(predicted) <= FURTHEST and self.bias(predicted) <= 1)
+
+    def furthest(self, predicted: Array) -> float:
+        """Return how far the worst value is off, in tolerances."""
+        return float(np.nanmax(self.off(predicted)))
 
     def outside(self, predicted: Array) -> float:
         """Return the share of the values outside the tolerance."""

@@ -49,6 +49,8 @@ class Submission(Value):
         What each case is called: the number in the file's column `case`, or its row.
     wrong
         Values that are no numbers (nan, inf), by row.
+    digits
+        That a quarter of the values have at most, leading zeros aside.
     """
 
     name: str
@@ -58,6 +60,7 @@ class Submission(Value):
     single: bool
     rows: NDArray[np.int64]
     wrong: tuple[str, ...] = ()
+    digits: int = 17
 
 
 def header(inputs: Inputs, seed: int) -> list[str]:
@@ -81,6 +84,9 @@ def header(inputs: Inputs, seed: int) -> list[str]:
         lines.append("alpha: degrees; R's axis lies at theta_i = -theta_r - 2 alpha (pbrt and Mitsuba have the other sign).")
     else:
         lines.append("alpha, beta: degrees of theta_h = (theta_i + theta_r)/2; beta_N: deviation around the fibre, degrees.")
+        closed = inputs.longitudinal == LONGITUDINAL[0] and inputs.model == "marschner"
+        orders = "(1-F)² F T²/(1 - F T): the orders past TRT are in it" if closed else "(1-F)² F T²: no order past TRT"
+        lines.append(f"A_TRT = {orders}.")
     lines.append(f"{PREFIX}…: the reference; …_error: a proven bound of how far the printed number is off")
     if inputs.model == "dual_scattering":
         lines.append(f"{PREFIX}pdf_error: the same; or why {PREFIX}pdf is empty.")
@@ -152,11 +158,15 @@ class _Table:
         lines = read_text(path, "values").splitlines()
         comments = [line for line in lines if line.lstrip().startswith("#")]
         self.said = dict(re.findall(r"^#\s*(model|longitudinal):\s*(\S+)", "\n".join(comments), re.MULTILINE))
+        self.near = any(FORMAT in line and "near field" in line for line in comments)
         kept = [(i + 1, line) for i, line in enumerate(lines) if line.strip() and not line.lstrip().startswith("#")]
         if len(kept) < 2:
             raise ValueError(f"{path} holds no rows of values; it needs a row of names and then numbers")
         parsed = list(csv.reader(line for _, line in kept))
         self.names = [name.strip() for name in parsed[0]]
+        other = next((c for c in ";\t" if c in kept[0][1] and "," not in kept[0][1]), None)
+        if other is not None:
+            raise ValueError(f"{path}, line {kept[0][0]}: columns must be separated by commas, not by {other!r}")
         doubled = next((n for n in self.names if self.names.count(n) > 1), None)
         if doubled is not None:
             raise ValueError(f"{path} has two columns named {doubled!r}; keep one")
@@ -171,10 +181,17 @@ class _Table:
         out = np.empty(len(self.lines))
         for k, cell in enumerate(self.cells[name]):
             try:
-                out[k] = math.nan if blank and not cell else float(cell)
+                out[k] = math.nan if blank and not cell else number(cell)
             except ValueError:
                 raise ValueError(f"{self.path}, line {self.lines[k]}: {name} must be a number, got {cell!r}") from None
         return out
+
+
+def number(cell: str) -> float:
+    """Return a cell's number; of C's printf("%f"), too, which writes what is none as -nan or -nan(ind)."""
+    if "_" in cell:  # a number to Python alone
+        raise ValueError(cell)
+    return math.nan if re.fullmatch(r"[-+]?nan(\(\w*\))?", cell, re.IGNORECASE) else float(cell)
 
 
 def _submission(table: _Table, source: _Table, model: str | None, name: str, joined: bool) -> Submission:
@@ -210,10 +227,11 @@ def _submission(table: _Table, source: _Table, model: str | None, name: str, joi
     cells = [table.cells[n] for n in given]
     wrong = [
         f"{n} is {cell} in case {label}" for n in given for cell, label in zip(table.cells[n], labels, strict=True)
-        if cell and not math.isfinite(float(cell))
+        if cell and not math.isfinite(number(cell))
     ]  # fmt: skip
     f[~np.isfinite(f)], pdf[~np.isfinite(pdf)] = np.nan, np.nan
-    return Submission(name, inputs, f, pdf, _single(cells), labels, tuple(wrong))
+    single, digits = _precision(cells)
+    return Submission(name, inputs, f, pdf, single, labels, tuple(wrong), digits)
 
 
 def _told_by(names: Sequence[str]) -> str:
@@ -235,10 +253,15 @@ def _inputs(table: _Table, model: str, longitudinal: str) -> Inputs:
     needed = [*ANGLES, *PARAMETERS[model], *sigmas]
     missing = [n for n in needed if n not in table.names]
     if missing:
+        alike = next((n for n in table.names if n.casefold() == missing[0]), None)
+        if alike is not None:
+            raise ValueError(f"{table.path} has a column {alike!r}: name it {missing[0]!r}, in small letters")
         remedy = "give --cases CASES.csv for a file of values alone" if "case" in table.names else "keep the inputs' columns"
         raise ValueError(f"{table.path} has no column {missing[0]!r}, an input of {model}: {remedy}")
     if model == "chiang" and "h" in table.names:
         needed.insert(3, "h")
+    elif table.near:
+        raise ValueError(f"{table.path} has no column 'h', though its head says near field: keep the inputs' columns")
     columns = {n: table.numbers(n, blank=False) for n in needed}
     for n, x in columns.items():
         low, high, unit = LIMITS[n]
@@ -254,15 +277,16 @@ def _inputs(table: _Table, model: str, longitudinal: str) -> Inputs:
     return Inputs(model, longitudinal, columns, sigma_a)
 
 
-def _single(columns: Sequence[Sequence[str]]) -> bool:
-    """Whether all numbers have at most nine digits, or are floats to the last of theirs."""
-    cells = [c for column in columns for c in column if c and math.isfinite(float(c))]
-    digits = (len(re.sub(r"[eE].*|[-+.]", "", c).lstrip("0")) for c in cells)
-    if all(d <= _SINGLE_DIGITS for d in digits):
-        return True
+def _precision(columns: Sequence[Sequence[str]]) -> tuple[bool, int]:
+    """Return whether all numbers have at most nine digits, or are floats to the last of theirs; and `Submission.digits`."""
+    cells = [c for column in columns for c in column if c and math.isfinite(number(c))]
+    digits = sorted(len(re.sub(r"[eE].*|[-+.]", "", c).lstrip("0")) for c in cells if float(c))
+    few = digits[len(digits) // 4] if digits else 17
+    if not digits or digits[-1] <= _SINGLE_DIGITS:
+        return True, few
     x = np.array(cells, float)
     with np.errstate(over="ignore"):
-        return bool(np.all(x == x.astype(np.float32)))
+        return bool(np.all(x == x.astype(np.float32))), few
 
 
 def _read_falcor(path: str | os.PathLike[str]) -> Submission:
