@@ -68,7 +68,7 @@ def _concerns(F: Formulas, slip: Slip, quantity: Quantity) -> bool:
     """
     if quantity.name == "f":
         return not slip.pdf
-    return slip.group not in ("pi", "average", *(("cosine",) if F.normalised else ()))
+    return slip.group not in ("pi", "average", "channels", *(("cosine",) if F.normalised else ()))
 
 
 def value_of(F: Formulas, inputs: Inputs, quantity: Quantity, panels: int = PANELS) -> Array:
