@@ -326,6 +326,28 @@ def test_variants_agree(variant: str, ball: Groom, use_variant: UseVariant) -> N
         assert np.abs(got / want - 1).max() <= (0.08 if spectral else 0.03)  # three values stand for a spectrum
 
 
+@pytest.mark.parametrize("wrapped", [
+    {"type": "blendbsdf", "weight": 0.5, "a": {"type": "cuticle", "fibre": "brown"}, "b": {"type": "diffuse"}},
+    {"type": "mask", "opacity": 0.5, "a": {"type": "cuticle", "fibre": "brown"}},
+])  # fmt: skip
+def test_hair_inside_another_bsdf_is_refused(wrapped: dict[str, Any], ball: Groom, use_variant: UseVariant) -> None:
+    """It has no tables of the strands around, which its own BSDF would be asked to make."""
+    mi = use_variant("scalar_rgb")
+    scene = load_scene(mi, ball, wrapped, view=SMALL, technique=integrator("dual"))
+    with pytest.raises(RuntimeError, match="hair must have a BSDF `cuticle` by itself, got one inside a (Blend|Mask)BSDF"):
+        mi.render(scene, spp=1)
+
+
+@pytest.mark.parametrize("variant", ["scalar_rgb", pytest.param("llvm_ad_rgb", marks=pytest.mark.slow)])
+def test_hair_of_another_scene_does_not_matter(variant: str, ball: Groom, use_variant: UseVariant) -> None:
+    """Traced code asks each BSDF of the process, those without tables of other strands, too."""
+    mi = use_variant(variant)
+    alone = mean(mi, ball, bsdf("brown"), integrator("dual"), 16)
+    others = [mi.load_dict({"type": "cuticle", "beta_m": 0.3, **more}) for more in ({"sigma_a": 0.0}, {"eumelanin": 1.0})]
+    np.testing.assert_allclose(mean(mi, ball, bsdf("brown"), integrator("dual"), 16), alone, rtol=1e-4)
+    del others
+
+
 def test_no_hair_in_the_scene_is_direct_light(use_variant: UseVariant) -> None:
     mi = use_variant("scalar_rgb")
     scenes = [

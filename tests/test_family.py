@@ -171,6 +171,31 @@ def test_what_is_refused_says_why(values: dict[str, Any], message: str) -> None:
         CHIANG.pdf(0.1, 0.2, 0.3, **values)
 
 
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"color": (0.7, 0.1)}, r"color must have a last axis of 1 or 3 channels, got shape \(2,\)"),
+        ({"color": np.full((5, 4), 0.5)}, r"color must have a last axis of 1 or 3 channels, got shape \(5, 4\)"),
+        ({"color": np.full((4, 3), 0.5), "beta_n": np.full(5, 0.3)}, r"do not broadcast.*color.*beta_n"),
+        ({"eumelanin": np.ones(2), "pheomelanin": np.ones(3)}, r"do not broadcast.*eumelanin.*pheomelanin"),
+    ],
+)
+def test_shapes_that_do_not_fit_are_told(values: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        cuticle.family("chiang").eval_pdf(np.zeros(5), 0.2, 0.3, **values)
+
+
+def test_fibres_hold_what_was_checked() -> None:
+    made = cuticle.family("chiang").fibres(beta_m=[0.2, 0.4], sigma_a=0.3)
+    with pytest.raises(ValueError, match="read-only"):
+        made.parameters[0, 0] = 99
+    for parameters, sigma_a in (
+        (np.ones((2, 3)), np.ones((2, 3))), (np.ones((2, 4)), np.ones((2, 2))), (np.full(4, np.nan), np.ones(3)),
+    ):  # fmt: skip
+        with pytest.raises(ValueError, match="must"):
+            cuticle.Fibres("chiang", parameters, sigma_a)
+
+
 def test_a_fibre_of_another_family_is_refused() -> None:
     with pytest.raises(TypeError, match=r"fibre must be a cuticle\.Chiang.*got Fibre"):
         CHIANG.pdf(0.1, 0.2, 0.3, Fibre.preset("brown"))

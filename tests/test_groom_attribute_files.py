@@ -35,6 +35,13 @@ def test_npz_gives_back_the_groom_bit_for_bit(groom: Groom, tmp_path: Path) -> N
     assert dict(read_groom(tmp_path / "a.txt").attributes) == {}
 
 
+def test_npz_refuses_names_that_are_one_to_numpy(groom: Groom, tmp_path: Path) -> None:
+    each = np.zeros((groom.strands, 1))
+    with pytest.raises(ValueError, match=r"NumPy takes 'a\.npy' and 'a' for one name"):
+        groom.with_attributes(**{"a.npy": each, "a": each}).save(tmp_path / "a.npz")
+    assert not (tmp_path / "a.npz").exists()
+
+
 def test_npz_of_others_holds_attributes_beside_points(tmp_path: Path) -> None:
     points = np.arange(18.0).reshape(2, 3, 3)
     np.savez(

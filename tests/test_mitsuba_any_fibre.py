@@ -48,6 +48,22 @@ def test_a_texture_of_one_value_is_that_number(
             assert relative(a.pdf, b.pdf) <= 1e-5
 
 
+def test_a_texture_may_lie_below_its_range_on_average(use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    found, least = (
+        mi.load_dict({"type": "cuticle", **CHIANG, "beta_m": bitmap(mi, [[[a], [b]]])})
+        for a, b in ((0.0, 0.03), (0.05, 0.05))
+    )
+    assert relative(ask(mi, found, *asked()).f, ask(mi, least, *asked()).f) <= 1e-6
+
+
+def test_a_bitmap_of_colours_is_no_absorption_in_spectral_variants(use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_spectral")
+    colours = {"type": "bitmap", "bitmap": mi.Bitmap(np.full((2, 2, 3), 0.5, np.float32))}
+    with pytest.raises(RuntimeError, match="sigma_a must not be a bitmap of colours in a spectral variant"):
+        mi.load_dict({"type": "cuticle", "beta_m": 0.3, "sigma_a": colours})
+
+
 @pytest.mark.parametrize("near", [False, True])
 @pytest.mark.parametrize(
     ("name", "least"), [("beta_m", 0.05), ("alpha", -20.0), ("eumelanin", 0.0), ("sigma_a", 0.0), ("scale", 0.0)]

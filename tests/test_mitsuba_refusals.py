@@ -45,6 +45,8 @@ from mitsuba_answers import UseVariant
         ({"fibre": "brown", "sampling": "function", "lobes": 2}, "lobes is their number, for sampling lobes; leave it out"),
         ({"fibre": "brown", "beta_R": 400.0}, "beta_R must be in [0.1, 60] degrees, got 400"),
         ({"fibre": "brown", "sampling": "best"}, "sampling must be one of function, lobes, document, uniform; got 'best'"),
+        ({"fibre": "brown", "scale": -2.0}, "scale must be in [0, 1e+09], got -2"),
+        ({"fibre": "brown", "scale": float("nan")}, "scale must be in [0, 1e+09], got nan"),
         ({"fibre": "brown", "lobes": 99}, "lobes must be in [1, 16], got 99"),
         ({"fibre": "brown", "direct_share": 1.5}, "direct_share must be in [0.01, 0.99], got 1.5"),
         ({"filename": "nowhere.json"}, "cannot read sampler nowhere.json: No such file or directory"),

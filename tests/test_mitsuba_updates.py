@@ -166,6 +166,18 @@ def test_an_update_makes_what_follows_from_a_number_anew(
     assert relative(ask(mi, bsdf, r, i, u, strands).f, ask(mi, wanted, r, i, u, strands).f) <= 1e-4
 
 
+@pytest.mark.parametrize("value", [2.0, -0.5, float("nan")])
+def test_an_update_refuses_a_density_out_of_range(value: float, use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    bsdf = mi.load_dict({"type": "cuticle", "fibre": "brown"})
+    parameters = mi.traverse(bsdf)
+    before = parameters["d_f"]
+    parameters["d_f"] = value
+    with pytest.raises(RuntimeError, match="d_f must be in .0, 1., got"):
+        parameters.update()
+    assert mi.traverse(bsdf)["d_f"] == before
+
+
 @pytest.mark.slow
 def test_absorption_is_differentiable(use_variant: UseVariant) -> None:
     mi = use_variant("llvm_ad_rgb")

@@ -4,6 +4,7 @@
 #include "drjit_traits.h"
 
 #include <mitsuba/core/properties.h>
+#include <mitsuba/core/string.h>
 #include <mitsuba/render/bsdf.h>
 #include <mitsuba/render/emitter.h>
 #include <mitsuba/render/scene.h>
@@ -61,6 +62,9 @@ template <typename Float, typename Spectrum> class StrandsAround {
                     const_cast<BSDF *>(part->bsdf())->parameters_changed({cuticle_mitsuba::strand_tables});
                 const uint32_t flags = part->bsdf() ? part->bsdf()->flags() : 0u;
                 if (!(flags & cuticle_mitsuba::hair_flag)) continue;
+                if (!string::starts_with(part->bsdf()->class_name(), "Cuticle"))
+                    Throw("dual_scattering: hair must have a BSDF `cuticle` by itself, got one inside a %s",
+                          part->bsdf()->class_name());
                 ++hairs;
                 const auto kind = std::find(m_kinds.begin(), m_kinds.end(), part->bsdf());
                 const size_t k = size_t(kind - m_kinds.begin());

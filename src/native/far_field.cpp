@@ -1,6 +1,8 @@
 // The far field with a fibre's parameters as arguments, over arrays of fibres and directions.
 #include "bindings.h"
 
+#include <stdexcept>
+
 #include "arrays.h"
 #include "cuticle/scattering/far_among.h"
 #include "through_view.h"
@@ -21,7 +23,10 @@ template <class T> struct Fibres {
           count(parameters_.shape(1)),
           step(parameters_.shape(0) == 1 ? 0 : count),
           absorption_step(sigma_a_.shape(0) == 1 ? 0 : sigma_a_.shape(1)),
-          chiang(chiang_) {}
+          chiang(chiang_) {
+        if ((sigma_a_.shape(1) != 1 && sigma_a_.shape(1) != 3) || count != std::size_t(chiang ? 4 : 8))
+            throw std::invalid_argument("fibres must have 1 or 3 channels, and the parameters of their family");
+    }
 
     cuticle::Azimuthal form() const { return chiang ? cuticle::Azimuthal::logistic : cuticle::Azimuthal::normal; }
     const T *row(std::size_t i) const { return parameters + i * step; }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -240,6 +241,18 @@ def test_a_family_in_double_precision(form: str, tmp_path: Path) -> None:
 ])  # fmt: skip
 def test_a_family_in_a_shader(form: str, to: str, browser: Any, tmp_path: Path) -> None:
     compare(form, shaded(form, to, tmp_path, browser), **SINGLE)
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("version", ["300 es", "330", "460"])
+def test_a_familys_glsl_validates(form: str, version: str, tmp_path: Path) -> None:
+    """By a strict front end: browsers take words for names that other versions reserve."""
+    hosts.need("glslangValidator", "glslang-tools")
+    head = f"#version {version}\nprecision highp float;\nprecision highp int;\nprecision highp sampler2D;\n"
+    main = "layout(location = 0) out vec4 color;\nvoid main() { color = vec4(1.); }\n"
+    (tmp_path / "shader.frag").write_text(head + exported(form, "glsl").text + main)
+    done = subprocess.run(["glslangValidator", str(tmp_path / "shader.frag")], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
 
 
 @pytest.mark.parametrize("form", FORMS)

@@ -112,7 +112,7 @@ def real(name: str, value: Any) -> NDArray:
 
 def strands_of_light(name: str, value: ArrayLike) -> NDArray[np.float64]:
     """Return numbers of strands that light meets, or expectations of them, as an array, each in [0, 10,000]."""
-    x = np.asarray(value, np.float64)
+    x = real(name, value).astype(np.float64)
     wrong = x[~((x >= 0) & (x <= MAX_STRANDS))]  # a NaN is wrong, too
     if wrong.size:
         raise ValueError(f"{name} must be in [0, {MAX_STRANDS:,.0f}], got {float(wrong.flat[0]):g}")

@@ -289,6 +289,12 @@ class Groom(Value):
         """
         if Path(path).suffix.lower() == ".npz":
             own = {n: getattr(self, n) for n in ("points", "offsets", "radius", "bend")}
+            names = own.keys() | self.attributes.keys()
+            twin = next((n for n in self.attributes if n.endswith(".npy") and n[:-4] in names), None)
+            if twin is not None:
+                raise ValueError(
+                    f"NumPy takes {twin!r} and {twin[:-4]!r} for one name in an .npz file; rename either attribute"
+                )
             write_arrays(path, own | dict(self.attributes))
             return
         control, offsets = self.control_points()

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from cuticle import _core
+from cuticle._support import validate
 from cuticle._support.backends import check_backend
 from cuticle._support.extras import needed
 from cuticle.fitting.samplings import OWN
@@ -99,6 +100,8 @@ def _make_bsdf(props: Any) -> Any:
     scale, tables = given.pop("scale", None), given.pop("strand_tables", None)
     textures = textures_of(props, given)
     refuse_mesh("scale", scale)
+    if isinstance(scale, (int, float)):
+        validate.number("scale", scale, 0, 1e9, remedy="it multiplies the absorption")
     given |= {name: mean_of(name, texture) for name, texture in textures.items()}  # which stands for it
     material, asked = read_material(given), Parameters(**given)
     # Files as they are found now: beside the scene's file, while it is loaded. Another sampling would be another plugin.

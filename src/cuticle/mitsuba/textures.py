@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cuticle.mitsuba.strand_values import attribute_values
-from cuticle.scattering.any_fibre import TEXTURED, Parameter
+from cuticle.scattering.any_fibre import FORMS, TEXTURED, Parameter
 
 PIGMENTS = ("eumelanin", "pheomelanin")
 COLOURS = {"sigma_a": (0, 1000), "color": (1e-4, 1)}  # of three channels, and what the plugin holds them to
+_RANGES = {name: p for form in FORMS.values() for name, p in form.items()} | dict.fromkeys(PIGMENTS, Parameter(0, 100, 0.0))
 _GRID = (np.arange(16) + 0.5) / 16  # where a texture is looked at, over uv
 _PRIMARIES = (610.0, 550.0, 450.0, 450.0)  # nm: red, green, blue
 
@@ -34,6 +35,8 @@ def textures_of(props: Any, given: Mapping[str, Any]) -> dict[str, Any]:
         if name not in TEXTURED:
             raise ValueError(f"{name} must not be a texture; these may: scale, {', '.join(TEXTURED)}")
         refuse_mesh(name, texture)
+        if name == "sigma_a":
+            refuse_reflectances(name, texture)
     return found
 
 
@@ -43,6 +46,18 @@ def refuse_mesh(name: str, texture: Any) -> None:
         raise ValueError(f"{name} must not be a mesh_attribute, which no curve has; use cuticle_strands")
 
 
+def refuse_reflectances(name: str, texture: Any) -> None:
+    """Raise ValueError for a bitmap of colours in a spectral variant, which Mitsuba takes for reflectances, at most 1."""
+    if not mi.is_spectral or "Bitmap" not in type(texture).__name__ + str(texture):
+        return
+    data = next((x for key, x in mi.traverse(texture) if key.rpartition(".")[2] == "data"), None)
+    if data is not None and np.shape(data)[-1] == 3:
+        raise ValueError(
+            f"{name} must not be a bitmap of colours in a spectral variant: Mitsuba makes reflectances of them, at most 1;"
+            " use an RGB variant, or a bitmap of one channel"
+        )
+
+
 def mean_of(name: str, texture: Any) -> Any:
     """Return the mean of a texture over a strand's files or over uv, as a scene would give it: a number or a colour."""
     found = attribute_values(texture)
@@ -50,7 +65,10 @@ def mean_of(name: str, texture: Any) -> Any:
         raise ValueError(f"{name} takes one value a strand or a point, this attribute has {found.shape[-1]}")
     values = (_over_uv(texture, name in COLOURS) if found is None else found).astype(np.float64)
     if name not in COLOURS:
-        return float(values[..., 0].mean())
+        one = values[..., 0]
+        if texture.is_spatially_varying():  # held to the range, as it is at each point; a constant is refused outside
+            one = np.clip(np.nan_to_num(one, nan=_RANGES[name].low), _RANGES[name].low, _RANGES[name].high)
+        return float(one.mean())
     mean = np.clip(values, *COLOURS[name]).reshape(-1, values.shape[-1]).mean(axis=0)
     return mi.ScalarColor3d(*np.broadcast_to(mean, 3).tolist())
 

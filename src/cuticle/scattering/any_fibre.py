@@ -67,6 +67,18 @@ class Fibres(Value):
     parameters: NDArray[np.float64]
     sigma_a: NDArray[np.float64]
 
+    def __post_init__(self) -> None:
+        validate.choice("form", self.form, FORMS)
+        count = len(FORMS[self.form])
+        for name, columns in (("parameters", (count,)), ("sigma_a", (1, 3))):
+            x = np.array(getattr(self, name), np.float64)
+            if x.ndim == 0 or x.shape[-1] not in columns:
+                raise ValueError(f"{name} must have a last axis of {' or '.join(map(str, columns))}, got shape {x.shape}")
+            if not np.isfinite(x).all():
+                raise ValueError(f"{name} must be finite numbers; Family.fibres makes them, and tells their ranges")
+            x.setflags(write=False)  # they were checked
+            object.__setattr__(self, name, x)
+
     @property
     def shape(self) -> tuple[int, ...]:
         """Shape of the array of fibres; () for one."""
@@ -140,7 +152,7 @@ class Family(Value):
         ----------
         values
             By name: those of `parameters`; and the absorption as one of sigma_a (per radius; a last axis of 1 or 3
-            channels, a number being one), color (linear RGB, last axis 3, of Chiang's fibres) or eumelanin and pheomelanin.
+            channels, a number being one), color (linear RGB, likewise, of Chiang's fibres) or eumelanin and pheomelanin.
 
         Raises
         ------
@@ -176,14 +188,14 @@ class Family(Value):
             )
         if "sigma_a" in given:
             sigma_a = validate.array("sigma_a", given["sigma_a"], 0, 1000, np.float64, remedy="it is per fibre radius")
-            sigma_a = sigma_a.reshape(1) if sigma_a.ndim == 0 else sigma_a
-            if sigma_a.shape[-1] not in (1, 3):
-                raise ValueError(f"sigma_a must have a last axis of 1 or 3 channels, got shape {sigma_a.shape}; add an axis")
-            return sigma_a
+            return _of_channels("sigma_a", sigma_a)
         if "color" in given:
             assert beta_n is not None
-            return conventions.sigma_a_of_color(given["color"], beta_n[..., None])
+            color = _of_channels("color", validate.real("color", given["color"]))
+            validate.broadcast(color=color[..., 0], beta_n=beta_n)
+            return conventions.sigma_a_of_color(color, beta_n[..., None])
         pigment = {n: _checked(n, given.get(n, 0.0), Parameter(0, 100, 0.0)) for n in ways[0]}
+        validate.broadcast(**pigment)
         return conventions.sigma_a_of_pigment(pigment["eumelanin"], pigment["pheomelanin"])
 
     def _fibres(self, fibre: Any, values: Mapping[str, Any]) -> Fibres:
@@ -346,6 +358,14 @@ class FibreSampler(Value, Plotted):
 
     def _strands(self, strands: ArrayLike | None) -> dict[str, ArrayLike]:
         return {"strands": self.strands if strands is None else strands} if self.family.among_others else {}
+
+
+def _of_channels(name: str, values: NDArray) -> NDArray:
+    """Return values with a last axis of channels; a number is one."""
+    values = values.reshape(1) if values.ndim == 0 else values
+    if values.shape[-1] not in (1, 3):
+        raise ValueError(f"{name} must have a last axis of 1 or 3 channels, got shape {values.shape}; add an axis")
+    return values
 
 
 def _checked(name: str, value: ArrayLike, p: Parameter) -> NDArray[np.float64]:
