@@ -47,6 +47,7 @@ from mitsuba_answers import UseVariant
         ({"fibre": "brown", "sampling": "best"}, "sampling must be one of function, lobes, document, uniform; got 'best'"),
         ({"fibre": "brown", "scale": -2.0}, "scale must be in [0, 1e+09], got -2"),
         ({"fibre": "brown", "scale": float("nan")}, "scale must be in [0, 1e+09], got nan"),
+        ({"beta_m": 0.3, "eumelanin": 1.3, "d_b": 2.0}, "d_b must be in [0, 1], got 2"),
         ({"fibre": "brown", "lobes": 99}, "lobes must be in [1, 16], got 99"),
         ({"fibre": "brown", "direct_share": 1.5}, "direct_share must be in [0.01, 0.99], got 1.5"),
         ({"filename": "nowhere.json"}, "cannot read sampler nowhere.json: No such file or directory"),

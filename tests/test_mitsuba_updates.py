@@ -169,13 +169,14 @@ def test_an_update_makes_what_follows_from_a_number_anew(
 @pytest.mark.parametrize("value", [2.0, -0.5, float("nan")])
 def test_an_update_refuses_a_density_out_of_range(value: float, use_variant: UseVariant) -> None:
     mi = use_variant("scalar_rgb")
-    bsdf = mi.load_dict({"type": "cuticle", "fibre": "brown"})
-    parameters = mi.traverse(bsdf)
-    before = parameters["d_f"]
-    parameters["d_f"] = value
-    with pytest.raises(RuntimeError, match="d_f must be in .0, 1., got"):
-        parameters.update()
-    assert mi.traverse(bsdf)["d_f"] == before
+    for given in ({"fibre": "brown"}, {"beta_m": 0.3, "eumelanin": 1.3}):
+        bsdf = mi.load_dict({"type": "cuticle", **given})
+        parameters = mi.traverse(bsdf)
+        before = parameters["d_f"]
+        parameters["d_f"] = value
+        with pytest.raises(ValueError, match="d_f must be in .0, 1], got"):
+            parameters.update()
+        assert mi.traverse(bsdf)["d_f"] == before
 
 
 @pytest.mark.slow

@@ -182,7 +182,6 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
     std::pair<UnpolarizedSpectrum, Float> value_and_density(const BSDFContext &ctx, const SurfaceInteraction3f &si,
                                                             const Float &theta_i, const Angles &r, const Float &phi,
                                                             Mask active) const override {
-        if (lacks_others(ctx)) return {UnpolarizedSpectrum(0.f), Float(0)};
         if (cuticle_mitsuba::transmittance(ctx))
             return {
                 per_channel(si, active,
@@ -202,7 +201,6 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
                                                                            const SurfaceInteraction3f &si, const Angles &r,
                                                                            const Float &sample1, const Point2f &sample2,
                                                                            bool with_value, Mask active) const override {
-        if (lacks_others(ctx)) return {{Float(0), Float(0), Float(0)}, 0.f};
         const Prepared p = prepare(si, r, active);
         Float f[channels];
         const bool surrounded = cuticle_mitsuba::among_strands(ctx);
@@ -235,10 +233,7 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
         return {s, among(ctx, si, p, s.theta_i, r, s.phi, alone, active) * cuticle::math::cos_theta(s.theta_i)};
     }
 
-    // Traced code asks every BSDF that is alive, of other scenes, too; what it answers is not used then.
-    bool lacks_others(const BSDFContext &ctx) const {
-        return !m_tables.strands && (cuticle_mitsuba::among_strands(ctx) || cuticle_mitsuba::transmittance(ctx));
-    }
+    bool among_others() const override { return m_tables.strands; }
 
     static UnpolarizedSpectrum colour(const Float *f) {
         UnpolarizedSpectrum value;

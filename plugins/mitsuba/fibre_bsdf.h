@@ -27,13 +27,15 @@ template <typename Float, typename Spectrum> class FibreBSDF : public AbsorbingH
     // stays as it was.
     void parameters_changed(const std::vector<std::string> &keys = {}) override {
         Properties scene(m_scene);
-        try {
-            if (set_numbers(scene))
+        const bool changed = set_numbers(scene);
+        if (changed) {
+            try {
                 this->adopt(static_cast<const FibreBSDF &>(
                     *PluginManager::instance()->create_object<mitsuba::BSDF<Float, Spectrum>>(scene)));
-        } catch (...) {
-            for (size_t k = 0; k < m_slots.size(); ++k) m_values[k] = m_slots[k].made;
-            throw;
+            } catch (...) {
+                for (size_t k = 0; k < m_slots.size(); ++k) m_values[k] = m_slots[k].made;
+                throw;
+            }
         }
         // What Python made of a number has no gradient: where one is asked for, the number itself is used.
         const bool sigma_a = std::any_of(keys.begin(), keys.end(), [](auto &key) { return key.rfind("sigma_a", 0) == 0; });
@@ -127,9 +129,6 @@ template <typename Float, typename Spectrum> class FibreBSDF : public AbsorbingH
             if (m_textures[k]) continue;
             const ScalarFloat now = scalar(m_values[k]);
             if (now == m_slots[k].made) continue;
-            // Python refuses the others, of which something is made.
-            if (k >= m_parameters + m_pigments && !(now >= m_slots[k].low && now <= m_slots[k].high))
-                Throw("%s must be in [%s, %s], got %s", m_slots[k].name, m_slots[k].low, m_slots[k].high, now);
             scene.set(m_slots[k].name, double(now), false);
             changed = true;
         }

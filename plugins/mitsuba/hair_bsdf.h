@@ -34,7 +34,7 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
                                              const Point2f &sample2, Mask active) const override {
         MI_MASKED_FUNCTION(ProfilerPhase::BSDFSample, active);
         BSDFSample3f bs = dr::zeros<BSDFSample3f>();
-        if (unlikely(dr::none_or<false>(active) || !ctx.is_enabled(BSDFFlags::Glossy))) return {bs, 0.f};
+        if (unlikely(dr::none_or<false>(active) || !answers(ctx))) return {bs, 0.f};
         const Angles r = angles(si.wi);
         const bool with_value = !cuticle_mitsuba::direction_only(ctx);
         const auto [drawn, scattered] = draw_with_value(ctx, si, r, sample1, sample2, with_value, active);
@@ -52,7 +52,7 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
 
     Spectrum eval(const BSDFContext &ctx, const SurfaceInteraction3f &si, const Vector3f &wo, Mask active) const override {
         MI_MASKED_FUNCTION(ProfilerPhase::BSDFEvaluate, active);
-        if (unlikely(dr::none_or<false>(active) || !ctx.is_enabled(BSDFFlags::Glossy))) return 0.f;
+        if (unlikely(dr::none_or<false>(active) || !answers(ctx))) return 0.f;
         active &= known(si.wi) && known(wo);
         const Angles r = angles(si.wi), i = angles(wo);
         return depolarizer<Spectrum>(scattered(ctx, si, i.theta, r, i.phi - r.phi, active)) & active;
@@ -60,7 +60,7 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
 
     Float pdf(const BSDFContext &ctx, const SurfaceInteraction3f &si, const Vector3f &wo, Mask active) const override {
         MI_MASKED_FUNCTION(ProfilerPhase::BSDFEvaluate, active);
-        if (unlikely(dr::none_or<false>(active) || !ctx.is_enabled(BSDFFlags::Glossy))) return 0.f;
+        if (unlikely(dr::none_or<false>(active) || !answers(ctx))) return 0.f;
         active &= known(si.wi) && known(wo);
         const Angles r = angles(si.wi), i = angles(wo);
         return dr::select(active, density(ctx, si, i.theta, r, i.phi - r.phi, active), 0.f);
@@ -69,7 +69,7 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
     std::pair<Spectrum, Float> eval_pdf(const BSDFContext &ctx, const SurfaceInteraction3f &si, const Vector3f &wo,
                                         Mask active) const override {
         MI_MASKED_FUNCTION(ProfilerPhase::BSDFEvaluate, active);
-        if (unlikely(dr::none_or<false>(active) || !ctx.is_enabled(BSDFFlags::Glossy))) return {0.f, 0.f};
+        if (unlikely(dr::none_or<false>(active) || !answers(ctx))) return {0.f, 0.f};
         active &= known(si.wi) && known(wo);
         const Angles r = angles(si.wi), i = angles(wo);
         const auto [value, pdf] = value_and_density(ctx, si, i.theta, r, i.phi - r.phi, active);
@@ -122,6 +122,9 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
             m_numbers.push_back({std::string(key.name()), value, value});
         }
     }
+
+    // Whether it knows what it does among strands.
+    virtual bool among_others() const { return m_flags & cuticle_mitsuba::hair_flag; }
 
     // Whether tables are needed that were not made, and the parameter by which Python makes them.
     virtual bool lacks_tables() const { return false; }
@@ -204,6 +207,12 @@ template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float,
     Properties m_scene;  // by which Python makes this BSDF
 
   private:
+    // Traced code asks every BSDF that is alive, other scenes' too: what does not answer scatters nothing.
+    bool answers(const BSDFContext &ctx) const {
+        const bool others = cuticle_mitsuba::among_strands(ctx) || cuticle_mitsuba::transmittance(ctx);
+        return ctx.is_enabled(BSDFFlags::Glossy) && (!others || among_others());
+    }
+
     // Whether a direction has angles. A curve's segment of no length has no frame: directions there are NaN, and it
     // scatters nothing.
     static Mask known(const Vector3f &w) { return dr::isfinite(dr::squared_norm(w)); }

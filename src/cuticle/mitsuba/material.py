@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any, NamedTuple
 
+from cuticle._support import validate
 from cuticle.fitting.closed_forms import DRAFT, DocumentFunctions
 from cuticle.fitting.samplings import OWN, SAMPLINGS
 from cuticle.mitsuba.function import DENSITIES, read_function, read_sampler
@@ -70,8 +71,9 @@ def read_material(given: dict[str, Any]) -> Material:
         single: Any = function.model if isinstance(function, Strands) else function
         if (reason := _no_closed_form(single)) is None:
             _check_channels(single.channels)
-            d = [float(asked.own.get(name, getattr(single, name, 1.0))) for name in DENSITIES]
-            return Material(single, None, None, own=True, densities=(d[0], d[1]), direct_share=asked.direct_share)
+            given = {name: asked.own.get(name, getattr(single, name, 1.0)) for name in DENSITIES}
+            d_f, d_b = (validate.number(name, x, 0, 1) for name, x in given.items())
+            return Material(single, None, None, own=True, densities=(d_f, d_b), direct_share=asked.direct_share)
         if asked.sampling == OWN:
             raise ValueError(f"sampling {OWN}: {reason}; use lobes")
     return (_of_fibre if isinstance(function, Fibre) else _of_function)(function, asked, loaded)
