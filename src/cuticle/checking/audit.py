@@ -167,7 +167,9 @@ def audit(
 def _notes(cases: Sequence[AuditMeasurement]) -> list[str]:
     notes = []
     if np.isfinite(cases[0].ess) and not any(np.isfinite(m.mean_z) for m in cases):
-        notes.append("the mean weight could not be tested: single weights dominate every cell at this sample size")
+        notes.append(
+            "the mean weight could not be tested: in no cell are there enough samples beside the largest weight; draw more"
+        )
     few = [(r, m) for m in cases for r in m.repeated if r.share <= ATOM]
     if few:
         repeated, at = max(few, key=lambda x: x[0].hits)

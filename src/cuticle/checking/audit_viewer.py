@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,8 +53,8 @@ def measure_viewer(
         region = worst_region(counts, claimed.pdf * samples, claimed.pdf_error * samples, theta.edges, phi.edges)
         lobe = sampler.lobe_behind(region, theta_r, theta.edges, phi.edges, samples)
     share = coarse.sums(claimed.pdf)
-    pdf_mismatch, weight_mismatch, weight = _compare_again(sampler, drawn, theta_r)
-    mean_z, mean_where, left_out = _mean_weights(claimed, drawn, weight, theta, phi)
+    again = _compare_again(sampler, drawn, theta_r)
+    mean_z, mean_where, left_out = _mean_weights(claimed, drawn, again.weights, theta, phi)
     n = samples
     return AuditMeasurement(
         theta_r=theta_r, integral=float(claimed.pdf.sum()), integral_error=float(claimed.pdf_error.sum()),
@@ -62,11 +62,11 @@ def measure_viewer(
         total_variation=0.5 * float(np.abs(coarse.sums(counts) / n - share).sum()),
         noise_floor=0.5 * float(np.sqrt(2 * share * np.maximum(1 - share, 0) / (np.pi * n)).sum()),
         mean_z=mean_z, mean_where=mean_where, means_left_out=left_out,
-        weight_mismatch=weight_mismatch, pdf_mismatch=pdf_mismatch,
+        pdf_mismatch=again.pdf, weight_mismatch=again.weight, estimate_mismatch=again.estimate,
         dropped=drawn.dropped / n, invalid=drawn.invalid / n, outside=drawn.outside / n, biased=drawn.biased / n,
         bad_density=integrand.bad_density, bad_values=integrand.bad_values,
         region=region, lobe=lobe, repeated=tuple(repeated_angles(drawn.theta, drawn.phi)),
-        maps=Maps(theta.edges, phi.edges, counts / n, claimed.pdf), drawn=replace(drawn, weight=weight),
+        maps=Maps(theta.edges, phi.edges, counts / n, claimed.pdf), drawn=replace(drawn, weight=again.weights),
         **claimed.quality(),
     )  # fmt: skip
 
@@ -151,25 +151,35 @@ class _Claimed:
         )  # fmt: skip
 
 
-def _compare_again(sampler: ForeignSampler, drawn: Drawn, theta_r: float) -> tuple[float, float, Array | None]:
-    """Return the shares of samples whose pdf and weight differ from what is evaluated there, and the samples' weights."""
+class _Again(NamedTuple):
+    """What `sample` returned beside what is evaluated at its directions; without f, a weight is 1."""
+
+    pdf: float = 0.0  # share of samples that differ
+    weight: float = 0.0  # the same
+    estimate: float = 0.0  # relative difference of the means, the worst channel's
+    weights: Array | None = None  # the samples', luminance; None without f
+
+
+def _compare_again(sampler: ForeignSampler, drawn: Drawn, theta_r: float) -> _Again:
     theta, phi = drawn.theta[:_COMPARED], drawn.phi[:_COMPARED]
     count = len(theta)
     if not count:
-        return 0.0, 0.0, None
+        return _Again()
     p, f = sampler.values(theta, theta_r, phi)
-    came, pdf_mismatch = p, 0.0
-    if drawn.pdf is not None:
-        came = drawn.pdf[:count]
-        pdf_mismatch = float((~(np.abs(came - p) <= 0.02 * np.abs(p))).mean())
-    if f is None:
-        return pdf_mismatch, 0.0, None
+    returned = p if drawn.pdf is None else drawn.pdf[:count]
     with np.errstate(divide="ignore", invalid="ignore"):
-        weight = luminance(f) / came
-    if drawn.weight is None:
-        return pdf_mismatch, 0.0, np.where(np.isfinite(weight), weight, 0)
-    differs = ~(np.abs(drawn.weight[:count] - weight) <= 0.02 * np.abs(weight) + 1e-6)
-    return pdf_mismatch, float(differs.mean()), drawn.weight[:count]
+        there, came = (np.nan_to_num((p[:, None] if f is None else f) / x[:, None], posinf=0.0) for x in (p, returned))
+    pdf_mismatch, weight_mismatch = float((~(np.abs(returned - p) <= 0.02 * np.abs(p))).mean()), 0.0
+    if f is not None and drawn.weight is not None:
+        weight = drawn.weight[:count]
+        if weight.shape[1] != came.shape[1]:  # a luminance
+            weight, came, there = (luminance(x)[:, None] for x in (weight, came, there))
+        differs = ~(np.abs(weight - came) <= 0.02 * np.abs(came) + 1e-6)
+        weight_mismatch, came = float(differs.any(axis=1).mean()), weight
+    # Where either is taken they are the same numbers, but for rounding: no variance hides what differs, however rare.
+    total, error = there.sum(axis=0), np.abs((came - there).sum(axis=0))
+    estimate = float(np.max(error / np.where(total > 0, total, 1), where=total > 0, initial=0.0))
+    return _Again(pdf_mismatch, weight_mismatch, estimate, None if f is None else luminance(came))
 
 
 def _mean_weights(claimed: _Claimed, drawn: Drawn, weight: Array | None, theta: _Axis, phi: _Axis) -> tuple[float, str, int]:

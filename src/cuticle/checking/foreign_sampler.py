@@ -18,6 +18,7 @@ from cuticle.scattering.bcsdf import luminance
 _T = TypeVar("_T")
 _MAX_DIMENSIONS = 32
 _PAIRS = 4000  # of directions, for reciprocity
+_SAID = 300  # characters of a user's exception
 
 
 @dataclass(frozen=True)
@@ -45,11 +46,12 @@ class ForeignSampler:
             finite = none | (finite & np.isfinite(pdf) & (pdf > 0))
         biased = 0
         if weight is not None:
-            finite &= np.isfinite(weight)
-            biased = int((none & (weight > 0)).sum())
+            weight = weight.reshape(count, -1)
+            finite &= np.isfinite(weight).all(axis=1)
+            biased = int((none & (weight > 0).any(axis=1)).sum())
             # A host that rejects a sample may keep its pdf and return weight 0. A weight of 0 is right where f is 0; where
             # f is above 0, or the pdf evaluated there is 0, it means that the sample was rejected.
-            dark = np.flatnonzero(finite & ~none & (weight == 0) & (np.abs(theta) <= np.pi / 2))
+            dark = np.flatnonzero(finite & ~none & (weight == 0).all(axis=1) & (np.abs(theta) <= np.pi / 2))
             if len(dark):
                 p, f = self.values(theta[dark], theta_r, phi[dark])
                 none[dark] = (p == 0) | (False if f is None else f.max(axis=1) > 0)
@@ -71,7 +73,7 @@ class ForeignSampler:
         if self.eval is None:
             return self.density(theta, theta_r, phi), None
         if self.eval_pdf is not None:
-            f, p = self.eval_pdf(theta, theta_r, phi)
+            f, p = self.eval_pdf(theta.copy(), theta_r, phi.copy())
             return _real("eval_pdf", p), _real("eval_pdf", f) * np.cos(theta)[:, None]
         f = _call("eval", self.eval, theta, theta_r, phi, channels=True)
         return self.density(theta, theta_r, phi), f * np.cos(theta)[:, None]
@@ -173,13 +175,15 @@ def _lobe_densities(sampler: Sampler, strands: float, theta_i: Any, theta_r: flo
 
 def _columns(sample: Callable[..., Any], theta_r: float, u: Array) -> list[Array]:
     def together() -> list[Array]:
-        columns = [_real("sample", c) for c in sample(theta_r, u)]
+        columns = [_real("sample", c) for c in sample(theta_r, u.copy())]
+        if len(columns) > 4:
+            raise ValueError(f"it returned {len(columns)} arrays, at most theta_i, phi, pdf and weight are needed")
         if any(c.shape[:1] != (len(u),) for c in columns):
             raise ValueError(f"it returned shapes {', '.join(str(c.shape) for c in columns)}")
         return columns
 
     def one_by_one() -> list[Array]:
-        rows = [tuple(sample(theta_r, row)) for row in u]
+        rows = [tuple(sample(theta_r, row)) for row in u.copy()]
         return [_real("sample", c) for c in zip(*rows, strict=True)]
 
     columns = _first_that_works(f"sample(theta_r, u), for u of shape {u.shape},", together, one_by_one)
@@ -189,8 +193,8 @@ def _columns(sample: Callable[..., Any], theta_r: float, u: Array) -> list[Array
             f"sample(theta_r, u) must return theta_i, phi and, optionally, pdf and weight: one value per row of u (a weight"
             f" may have channels); got shapes {shapes} for {len(u)} rows"
         )
-    if len(columns) == 4 and columns[3].ndim > 1:
-        columns[3] = luminance(columns[3])
+    if len(columns) == 4 and (columns[3].ndim > 2 or 0 in columns[3].shape):
+        raise ValueError(f"sample(theta_r, u) must return weights of shape (n,) or (n, channels), got {columns[3].shape}")
     return columns
 
 
@@ -199,7 +203,7 @@ def _call(
 ) -> Array:
     answer = _first_that_works(
         f"{name}(theta_i, theta_r, phi)",
-        lambda: _real(name, function(theta, theta_r, phi)),
+        lambda: _real(name, function(theta.copy(), theta_r, phi.copy())),  # a function may work in place
         lambda: _real(name, [function(float(t), theta_r, float(p)) for t, p in zip(theta, phi, strict=True)]),
     )
     if answer.ndim == 0:  # a constant
@@ -237,4 +241,5 @@ def _first_that_works(name: str, together: Callable[[], _T], one_by_one: Callabl
         except _NotRealError:
             raise
         except Exception:
-            raise ValueError(f"{name} raised {type(first).__name__}: {first}") from first
+            said = " ".join(str(first).split())
+            raise ValueError(f"{name} raised {type(first).__name__}: {said[:_SAID]}{'…' * (len(said) > _SAID)}") from first

@@ -21,7 +21,7 @@ class Drawn:
     theta: NDArray  # radians
     phi: NDArray
     pdf: NDArray | None  # 1/sr, as `sample` returned it; None where it returned none
-    weight: NDArray | None  # f·cos/pdf (luminance) of the first 100,000 directions; None without f
+    weight: NDArray | None  # as `sample` returned it, (n, channels); then f·cos/pdf (luminance) of the first 100,000
     dropped: int = 0  # no direction, and said so: pdf 0, or weight 0 where f is above 0 or the pdf evaluated there is 0
     invalid: int = 0  # angles, pdf or weight NaN or infinite, or pdf negative
     outside: int = 0  # theta beyond a pole, or phi beyond two turns
@@ -94,7 +94,10 @@ class AuditMeasurement(Measurement):
     mean_z: float  # largest deviation of the mean weight from ∫ f cos in a cell, standard errors; NaN: no cell is testable
     mean_where: str  # that cell
     means_left_out: int  # cells that cannot be tested
-    weight_mismatch: float  # share of samples whose weight is off f·cos/pdf by over 2 %
+    weight_mismatch: float  # share of samples whose weight is off f·cos/pdf by over 2 % in a channel
+    estimate_mismatch: (
+        float  # of the estimate by what sample returns against that by pdf and eval there: the worst channel's
+    )
     energy: tuple[float, ...]  # ∫ f cos, one value a channel
     lost: float  # share of ∫ f cos where the pdf is 0
     wasted: float  # share of the pdf where f is 0

@@ -19,6 +19,7 @@ ATOM = 1e-3  # share of samples at exactly one angle
 LEAST_DIRECTIONS = 1_000  # of the samples of a viewer: about what a chi-square test over a hundred cells needs
 LEAST_TESTED = 0.1  # of a viewer's samples in a file, in patches that are tested on both sides
 MISMATCH = 1e-3  # share of samples whose pdf or weight is off by over 2 %
+BIAS = 2e-3  # of the estimate by what sample returns; single precision leaves less than a tenth of it
 
 
 def _integral(m: AuditMeasurement) -> float:
@@ -106,6 +107,8 @@ TESTS: tuple[Test, ...] = (
          lambda m: m.pdf_mismatch, of=AuditMeasurement),
     Test("weight of a sample", "share of samples whose returned weight is off f·cos/pdf by over 2 %", MISMATCH,
          lambda m: m.weight_mismatch, of=AuditMeasurement, option="eval"),
+    Test("estimate", "relative difference of the mean by what sample returns and by pdf and eval there, a channel's", BIAS,
+         lambda m: m.estimate_mismatch, of=AuditMeasurement),
     Test("valid weights", "share of weights that are not a number ≥ 0", 0.0,
          lambda rows: float(rows.bad_weight.mean()), of=RowsOfFile, option="weight",
          place=lambda rows: _first(rows.bad_weight)),
