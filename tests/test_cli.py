@@ -42,6 +42,12 @@ def test_fit_writes_what_it_says(fitted: Path) -> None:
     assert min(summary["ess"][0]) > 0.9
 
 
+def test_fit_leaves_no_other_models_parameters_beside_its_sampler(tmp_path: Path) -> None:
+    cuticle.Chiang(sigma_a=1).save(tmp_path / "chiang.toml")
+    refused("fit", "brown", "-o", ".", words="chiang.toml describes another model than this fit's; move it", cwd=tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["chiang.toml"]
+
+
 def test_fit_reads_a_file_and_prints_json(tmp_path: Path) -> None:
     cuticle.Fibre(beta_R=9, sigma_a=0.8).save(tmp_path / "mine.toml")
     done = run("fit", "mine.toml", "--strands", "1", "--lobes", "2", "--json", "-o", "out", cwd=tmp_path)

@@ -117,7 +117,7 @@ def test_a_better_weight_is_worth_more_than_none(document_model: cuticle.DualSca
         (lambda s: cuticle.combine(s, s, float("nan")), "weight must be in"),
         (lambda s: cuticle.combine(s, s, 0.5, strands=0), "strands must be in"),
         (lambda s: cuticle.combine(s, s, 0.5, strands=0.5), "strands must be 0 or at least 1"),
-        (lambda s: cuticle.combine(s, "x", 0.5), "multiple must be a Sampler, got str"),
+        (lambda s: cuticle.combine(s, "x", 0.5), "multiple must be a cuticle.Sampler, got str"),
         (
             lambda s: cuticle.combine(cuticle.combine(s, s, 0.5), cuticle.combine(s, s, 0.5), 0.5),
             "at most 32 lobes together, got 40",

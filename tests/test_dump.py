@@ -76,6 +76,33 @@ def test_a_dump_as_csv_with_viewers(tmp_path: Path) -> None:
     assert report.viewers == 2
 
 
+def test_columns_of_a_csv_are_known_by_their_names(tmp_path: Path) -> None:
+    theta, phi, pdf = uniform(6000, np.random.default_rng(2))
+    x, y, z = np.cos(theta) * np.cos(phi), np.sin(theta), np.cos(theta) * np.sin(phi)
+
+    def mean(names: str, *weights: float) -> float:
+        columns = np.column_stack([x, y, z, pdf, *(np.full(len(x), w) for w in weights)])
+        np.savetxt(tmp_path / "d.csv", columns, delimiter=",", header="X,Y,Z,PDF," + names, comments="")
+        return audit_dump(tmp_path / "d.csv").mean_weight
+
+    right = mean("weight_r,weight_g,weight_b", 0.9, 0.5, 0.1)
+    assert mean("weight_b,weight_g,weight_r", 0.1, 0.5, 0.9) == right
+    assert mean("weight_3,weight_20,weight_1", 0.5, 0.1, 0.9) == right
+    assert mean("weight", 0.5) == 0.5
+    for names in ("weight_r,weight_g", "weight,weight_sum", "weight_r,weight_g,weight_b,weight"):
+        with pytest.raises(ValueError, match="are no channels: they must be weight; or weight_r, weight_g and weight_b"):
+            mean(names, *np.ones(names.count(",") + 1))
+
+
+def test_what_is_not_read_is_said_and_a_channel_below_0_fails(tmp_path: Path) -> None:
+    theta, phi, pdf = uniform(6000, np.random.default_rng(2))
+    assert any("not read: weights" in n for n in audit_dump(write(tmp_path / "a.npz", theta, phi, pdf, weights=pdf)).notes)
+    colour = np.ones((6000, 3))
+    colour[7, 2] = -0.1
+    report = audit_dump(write(tmp_path / "b.npz", theta, phi, pdf, weight=colour))
+    assert {v.name for v in report.verdicts if not v.passed} == {"valid weights"}
+
+
 @pytest.mark.parametrize(
     ("arrays", "message"),
     [

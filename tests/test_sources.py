@@ -90,6 +90,38 @@ def test_a_function_that_is_none_is_one_line(function: Callable[..., Any], messa
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: cuticle.measure("x", BROWN, 0.0), r"sampler must have pdf\(theta_i, theta_r, phi\), got str"),
+        (lambda: cuticle.measure(BROWN, BROWN, 0.0), "sampler must have pdf"),
+        (lambda: cuticle.channel_bounds("brown", 0.0), "model must have eval.*got str; Marschner"),
+        (lambda: cuticle.channel_bounds(BROWN, 3.0), "theta_r must be in .* rad, got 3"),
+        (lambda: cuticle.tabulate(cuticle.Fibre.preset("brown"), 0.0), "got Fibre; Marschner"),
+        (lambda: cuticle.Strands(cuticle.family("chiang")), "model must be one fibre's, got Family.*sampler_at"),
+        (lambda: cuticle.export.export("brown", "cpp"), "sampler must be a cuticle.Sampler, got str"),
+        (lambda: cuticle.check(BROWN, BROWN), "must be a cuticle.Sampler, got Chiang; cuticle.audit tests any other"),
+        (
+            lambda: from_callable(np.cos, grid=None),
+            "grid must be three whole numbers, of theta_r, theta_i and phi, got None",
+        ),
+        (lambda: from_callable(np.cos, even="yes"), "even must be true or false, got 'yes'"),
+        (lambda: Tabulated(*values(), smooth=3), "smooth must be true or false, got 3"),
+        (lambda: Tabulated(["a"] * 9, *values()[1:]), "theta_r must be an array of numbers"),
+        (lambda: cuticle.Chiang(sigma_a=np.array("x")), "sigma_a must be a number, got array"),
+        (lambda: cuticle.Chiang(beta_m=np.ones((9, 9)), sigma_a=1), "beta_m must be a number, got ndarray array"),
+        (
+            lambda: cuticle.audit(lambda t, u: np.zeros((len(u), 3)), lambda t, r, p: p),
+            "must return theta_i, phi and, optionally, pdf and weight",
+        ),
+    ],
+)
+def test_what_is_of_another_kind_is_one_line(call: Callable[[], Any], message: str) -> None:
+    with pytest.raises((ValueError, TypeError), match=message) as caught:
+        call()
+    assert "\n" not in str(caught.value)
+
+
 # ---- Mitsuba's materials
 
 
@@ -130,6 +162,7 @@ def test_a_surfaces_cosine_is_taken_out() -> None:
         (lambda: cuticle.from_mitsuba("nothing", h=0.0), "Mitsuba refuses"),
         (lambda: cuticle.from_mitsuba("dielectric", h=0.0), "single directions only"),
         (lambda: cuticle.from_mitsuba("sphere", h=0.0), "is not a BSDF of Mitsuba"),
+        (lambda: cuticle.from_mitsuba("hair", h=0.0, eumelanin=None), "eumelanin must be what the plugin takes"),
         (lambda: cuticle.from_mitsuba(3), "must be a plugin's name"),
     ],
 )
@@ -165,6 +198,11 @@ def test_a_table_goes_the_whole_way(tmp_path: Path) -> None:
     done = run("check", "out", "--samples", "50000", cwd=tmp_path)
     assert done.returncode == 2
     assert "has changed since" in done.stderr
+    done = run("audit", "out", "--samples", "20000", "--theta-r", "0", cwd=tmp_path)
+    assert (
+        "not tested against its scattering function: this sampler was fitted to mine.npz, which has changed since"
+        in " ".join(done.stdout.split())
+    )
     assert run("check", "out", "--samples", "50000", "--model", "mine.npz", cwd=tmp_path).returncode == 0
 
 

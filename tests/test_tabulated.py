@@ -266,6 +266,20 @@ def test_files_read_back(tmp_path: Path, clean: Values) -> None:
     np.testing.assert_allclose(Tabulated.load(tmp_path / "deg.npz").values, Tabulated(*clean).values, rtol=1e-9)
 
 
+@pytest.mark.parametrize("names", ["f_b,f_g,f_r", "f_650,f_550,f_450", "blue,green,red", "B,G,R"])
+def test_colours_of_a_csv_are_known_by_their_names(names: str, tmp_path: Path) -> None:
+    r, t, p, f = values(theta_r=VIEWERS, theta=THETA[::10], phi=TURN[::10])
+    angles = (a.ravel() for a in np.meshgrid(r, t, p, indexing="ij"))
+    rows = np.column_stack([*angles, f.reshape(-1, 3)[:, ::-1]])
+    np.savetxt(tmp_path / "t.csv", rows, delimiter=",", header="theta_r,theta_i,phi," + names, comments="")
+    assert np.allclose(Tabulated.load(tmp_path / "t.csv").values, Tabulated(r, t, p, f).values, rtol=1e-6)
+
+
+def test_a_table_is_written_as_what_is_read(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="a table is written as .npz, got .*t.csv; end the name in .npz"):
+        Tabulated(*values()).save(tmp_path / "t.csv")
+
+
 def test_a_csv_in_any_order_with_rows_missing(tmp_path: Path) -> None:
     r, t, p, f = values(theta_r=VIEWERS[::8], theta=THETA[::5], phi=TURN[::5])
     rows = [
@@ -293,6 +307,8 @@ def test_a_csv_in_any_order_with_rows_missing(tmp_path: Path) -> None:
         ("theta_r,theta_i,phi,f\n1,2,3\n", "row 2 has 3 values, the header has 4"),
         ("theta_r,theta_i,phi,f\n1,2,3,x\n", "row 2 holds something that is not a number"),
         ("theta_r,theta_i,phi\n0,0,0\n", "no values beside its angles"),
+        ("theta_r,theta_i,phi,f,sigma\n0,0,0,1,2\n", "has a column 'sigma' beside f"),
+        ("theta_r,theta_i,phi,f_r,f_g\n0,0,0,1,2\n", "columns f_r, f_g are no channels"),
         ("theta,theta_i,phi,f\n0,0,0,1\n", "has no theta_r"),
         ("theta_r,theta_i,phi,f\n0,0,0,1\n0,0,0,2\n", "same angles as another"),
         ("theta_r,theta_i,phi,f\n" + "".join(f"{i / 99},{i / 98},{i / 97},1\n" for i in range(90)), "must form one grid"),

@@ -24,9 +24,12 @@ def number(
 ) -> float:
     """Return `value` as a float in [low, high] ((low, high] with `above`), or raise ValueError/TypeError."""
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
-        raise TypeError(f"{name} must be a number, got {value!r}")
+        raise TypeError(f"{name} must be a number, got {_shown(value)}")
     x = float(value)
     if not (low < x if above else low <= x) or not x <= high:
+        end = min((low, high), key=lambda end: abs(x - end))
+        if isinstance(value, np.floating) and not (above and end == low) and abs(x - end) <= _slack(value.dtype, end):
+            return float(end)
         raise ValueError(_outside(name, x, low, high, unit=unit, remedy=remedy, above=above))
     return x
 
@@ -42,7 +45,7 @@ def ranges(values: Mapping[str, Any], allowed: Ranges) -> dict[str, Any]:
 
 def channel_values(name: str, given: Any, low: float, high: float, *, unit: str = "", remedy: str = "") -> tuple[float, ...]:
     """Return 1 to 32 channel values, each in [low, high]; a single number is one channel."""
-    channels = given if isinstance(given, (list, tuple, np.ndarray)) else [given]
+    channels = given if isinstance(given, (list, tuple)) or (isinstance(given, np.ndarray) and given.ndim) else [given]
     if not 1 <= len(channels) <= 32:
         raise ValueError(f"{name} must have 1 to 32 channels, got {len(channels)}; linear RGB has 3")
     return tuple(
@@ -125,8 +128,8 @@ def array(
     """Return `value` as a contiguous array of `dtype`, every element in [low, high] ([low, high) with `open_end`)."""
     given = real(name, value)
     x = np.ascontiguousarray(given, dtype=dtype).reshape(given.shape)
-    # A float can round past an end that a double respects: allow it its last digit.
-    slack = 0.0 if open_end else 4 * float(np.finfo(x.dtype).eps) * max(abs(low), abs(high))
+    kinds = [d for d in (given.dtype, x.dtype) if d.kind == "f"]
+    slack = 0.0 if open_end else max(_slack(kind, max(abs(low), abs(high))) for kind in kinds)
     at = _core.first_outside(x, float(low) - slack, float(high) + slack, open_end)
     if at >= 0:
         place = f" at {name}[{', '.join(map(str, np.unravel_index(at, x.shape)))}]" if x.ndim else ""
@@ -166,6 +169,17 @@ def float_type(*values: ArrayLike) -> Any:
     """Return float32 if every array among `values` is single precision, else float64; plain numbers do not count."""
     kinds = {np.asarray(v).dtype for v in values if isinstance(v, (np.ndarray, np.generic))}
     return np.float32 if kinds == {np.dtype(np.float32)} else np.float64
+
+
+def _shown(value: Any) -> str:
+    """Return a value for a message, on one line: of what takes more, its type."""
+    text = repr(value)
+    return text if len(text) <= 80 and "\n" not in text else f"{type(value).__name__} {text[:40].splitlines()[0]}…"
+
+
+def _slack(kind: np.dtype, end: float) -> float:
+    """Return by how much a number may pass an end: in fewer digits it may round past one that a double respects."""
+    return 4 * float(np.finfo(kind).eps) * abs(end)
 
 
 def _outside(name: str, x: float, low: float, high: float, *, unit: str, remedy: str, above: bool) -> str:

@@ -17,8 +17,8 @@ from cuticle.checking.tests import INTEGRAL_DOUBLE, TESTS
 from cuticle.checking.verdicts import LIMITS, Judge, Judged, Test, Thresholds, Verdict, deviations, sidak
 from cuticle.sampling.lobe_table import SIGMA_PHI, SIGMA_THETA
 from cuticle.sampling.quality import MEASURED_AT, measure
-from cuticle.sampling.sampler import Sampler
-from cuticle.scattering.bcsdf import Bcsdf, luminance
+from cuticle.sampling.sampler import Sampler, fitted
+from cuticle.scattering.bcsdf import Bcsdf, check_model, luminance
 
 _DOMINANT = 0.1  # share of Σ w² of one sample beyond which the mean has no normal error
 _LEAST_CHANGE = 0.01  # total variation from which on a negative control has to be caught
@@ -79,6 +79,8 @@ def check(
         Verdicts; `report.ok`. The check also tests itself with negative controls: it fails unless it catches a lobe 5 % too
         wide, phi shifted by half a bin and a pdf scaled by 1 % at this sample size.
     """
+    fitted("sampler", sampler, "cuticle.audit tests any other, a family's or your own")
+    check_model(model)
     angles = MEASURED_AT if theta_r is None else validate.angles("theta_r", theta_r, np.pi / 2 * (1 - 1e-6), np.float64)
     counts = sampler.covers if strands is None else validate.strand_counts("strands", strands)
     validate.integer("samples", samples, *LIMITS["samples"])

@@ -18,11 +18,14 @@ from cuticle.checking.regions import repeated_angles
 from cuticle.checking.tests import ATOM, TESTS
 from cuticle.checking.verdicts import LIMITS, Judge, Judged, Thresholds, Verdict, deviations, sidak
 from cuticle.scattering.bcsdf import luminance
-from cuticle.scattering.table_files import read_arrays, read_rows
+from cuticle.scattering.table_files import channel_columns, read_arrays, read_rows
 
 Array = NDArray[np.float64]
 LEAST_ROWS = 5_000
-_HELP = "it needs direction (n, 3) and pdf (n,), and may have weight (n,) or (n, channels), and viewer (n,)"
+_HELP = (
+    "it needs direction (n, 3) and pdf (n,), and may have weight (n,) or (n, channels), and viewer (n,); a CSV has columns"
+    " x, y, z, pdf, weight or weight_r, weight_g, weight_b, and viewer"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,9 +57,10 @@ def audit_dump(path: str | os.PathLike[str], *, level: float = 1e-4, seed: int =
     Parameters
     ----------
     path
-        An .npz with `direction` (n, 3), all in one frame, and `pdf` (n,) per steradian; optional are `weight`, (n,) or
-        (n, channels), and `viewer` (n,), a number per viewer. Or a CSV with columns x, y, z, pdf, weight, viewer. A pdf of 0
-        means that the sample has no direction. At least 5,000 rows per viewer.
+        An .npz with `direction` (n, 3), all in one frame, and `pdf` (n,) per steradian; optional are `weight`, (n,) or (n,
+        channels), and `viewer` (n,), a number per viewer. Or a CSV with columns x, y, z, pdf, weight (or weight_r, weight_g,
+        weight_b, or weight_1, weight_2, ...) and viewer, in any case of letters. A pdf of 0 means that the sample has no
+        direction. At least 5,000 rows per viewer.
     level
         False-positive rate.
     seed
@@ -75,12 +79,13 @@ def audit_dump(path: str | os.PathLike[str], *, level: float = 1e-4, seed: int =
     validate.number("level", level, *LIMITS["level"])
     validate.integer("seed", seed, *LIMITS["seed"])
     with reading(path, "samples"):
-        direction, pdf, weight, viewer = _read(path)
+        direction, pdf, weight, viewer, unread = _read(path)
     length = np.linalg.norm(direction, axis=1)
     none = pdf == 0
     bad = ~none & (~np.isfinite(direction).all(axis=1) | ~np.isfinite(pdf) | (pdf < 0) | ~(np.abs(length - 1) < 1e-3))
-    bad_weight = np.zeros(len(pdf), bool) if weight is None else ~np.isfinite(weight) | (weight < 0)
-    biased = np.zeros(len(pdf), bool) if weight is None else none & (weight > 0)
+    weights = np.zeros((len(pdf), 1)) if weight is None else weight
+    bad_weight = np.logical_or.reduce(~(np.isfinite(weights) & (weights >= 0)), axis=1)
+    biased = none & np.logical_or.reduce(weights > 0, axis=1)
     ids, counts = np.unique(viewer, return_counts=True)
     if counts.min() < LEAST_ROWS:
         raise ValueError(f"{path}: an audit needs at least {LEAST_ROWS:,} rows per viewer, got {counts.min():,} of viewer"
@@ -89,7 +94,8 @@ def audit_dump(path: str | os.PathLike[str], *, level: float = 1e-4, seed: int =
     each = sidak(level, len(ids))
     judge = Judge(TESTS, Thresholds(each, deviations(each)), () if weight is None else ("weight",))
     judge.examine(RowsOfFile(bad, bad_weight, biased))
-    viewers, notes = [], []
+    viewers: list[ViewerOfFile] = []
+    notes = [f"not read: {', '.join(unread)}; {_HELP}"] if unread else []
     for i in ids:
         rows = np.flatnonzero((viewer == i) & ~bad & ~none)
         theta, phi = _angles(direction[rows])
@@ -101,7 +107,7 @@ def audit_dump(path: str | os.PathLike[str], *, level: float = 1e-4, seed: int =
     patches, left_out = sum(v.patches for v in viewers), sum(v.left_out for v in viewers)
     mean = error = ess = largest = float("nan")
     if weight is not None:
-        w = np.where(bad_weight, 0, weight)
+        w = np.where(bad_weight, 0, luminance(weight))
         mean, error = float(w.mean()), float(w.std() / np.sqrt(len(w)))
         ess = float(w.sum() ** 2 / max(len(w) * (w**2).sum(), 1e-300))
         largest = float(w.max() / max(mean, 1e-300))
@@ -117,17 +123,17 @@ def _angles(direction: Array) -> tuple[Array, Array]:
     return np.arcsin(np.clip(direction[:, 1], -1, 1)), np.arctan2(direction[:, 2], direction[:, 0])
 
 
-def _read(path: str | os.PathLike[str]) -> tuple[Array, Array, Array | None, Array]:
+def _read(path: str | os.PathLike[str]) -> tuple[Array, Array, Array | None, Array, list[str]]:
+    """Return direction, pdf, weight (n, channels), viewer, and what the file has beside them."""
     if Path(path).suffix.lower() == ".npz":
         columns: dict[str, Any] = dict(read_arrays(path, "samples"))
     else:
         header, rows = read_rows(path, "samples")
         columns = dict(zip(header, rows.T, strict=True))
+        if channels := channel_columns("weight", header):
+            columns["weight"] = np.column_stack([columns.pop(name) for name in channels])
         if {"x", "y", "z"} <= columns.keys():
-            columns["direction"] = np.column_stack([columns[k] for k in "xyz"])
-        channels = [columns[k] for k in columns if k.startswith("weight")]
-        if channels:
-            columns["weight"] = np.column_stack(channels)
+            columns["direction"] = np.column_stack([columns.pop(k) for k in "xyz"])
     for needed in ("direction", "pdf"):
         if needed not in columns:
             raise ValueError(f"{path} has no {needed}: {_HELP}; it has {', '.join(columns) or 'nothing'}")
@@ -141,11 +147,11 @@ def _read(path: str | os.PathLike[str]) -> tuple[Array, Array, Array | None, Arr
     if weight is not None:
         if weight.shape[:1] != (n,) or weight.ndim > 2 or 0 in weight.shape:
             raise ValueError(f"{path}: weight has shape {weight.shape} for {n:,} rows; {_HELP}")
-        weight = luminance(weight) if weight.ndim == 2 else weight
+        weight = weight.reshape(n, -1)
     viewer = arrays.get("viewer", np.zeros(n))
     if viewer.shape != (n,):
         raise ValueError(f"{path}: viewer has shape {viewer.shape} for {n:,} rows; {_HELP}")
     if not np.isfinite(viewer).all():
         row = int(np.argmin(np.isfinite(viewer)))
         raise ValueError(f"{path}: viewer must be a finite number in every row, got {viewer[row]} in row {row + 1:,}")
-    return direction, pdf, weight, viewer
+    return direction, pdf, weight, viewer, sorted(columns.keys() - set(known))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -80,7 +81,7 @@ def command(
     compare: Annotated[
         str | None,
         typer.Option(
-            metavar="TARGET", help="Another target to set beside the first; a plugin with parameters in quotation marks."
+            metavar="TARGET", help="Another target, to set TARGET beside; a plugin with parameters in quotation marks."
         ),
     ] = None,
     h: Annotated[float, typer.Option("--h", help="Offset across the fibre, -1 to 1, for a plugin or Chiang's model.")] = 0.0,
@@ -127,13 +128,13 @@ def command(
         options: dict[str, Any] = {"theta_r": angles, "samples": samples, "level": level, "seed": seed}
         options |= {"reciprocity": reciprocity, "energy": energy}
         loaded = [_load(name, given, _Asked(h, strands, variant, frame)) for name, given in targets]
-        if any(not callable(own.get("eval", getattr(sampler, "eval", None))) for sampler, own in loaded):
+        if any(not callable(own.get("eval", getattr(sampler, "eval", None))) for sampler, own, _ in loaded):
             refuse_idle(ctx, "for a sampler without its scattering function", "reciprocity", "energy")
         with progress_bar(json_output) as progress:
             share = 1 / len(loaded)
             audits = [
-                audit(sampler, progress=part(progress, i * share, share), **options, **own)
-                for i, (sampler, own) in enumerate(loaded)
+                _noted(audit(sampler, progress=part(progress, i * share, share), **options, **own), note)
+                for i, (sampler, own, note) in enumerate(loaded)
             ]
         made = audits[0] if compare is None else compare_audits(*audits)
     written = [] if output is None else _write(made, output)
@@ -147,6 +148,10 @@ def command(
         if written:
             out.print(f"wrote {', '.join(map(str, written))}", soft_wrap=True)
     raise typer.Exit(EXIT_CODES[made.outcome])
+
+
+def _noted(made: Audit, note: str | None) -> Audit:
+    return made if note is None else replace(made, notes=(*made.notes, note))
 
 
 def _json(made: Audit | Dump | Comparison) -> str:
@@ -166,17 +171,17 @@ def _write(made: Audit | Dump | Comparison, output: Path) -> list[Path]:
         return [output / file.name for file in sorted(folder.iterdir())]
 
 
-def _load(source: str, parameters: list[str], asked: _Asked) -> tuple[Any, dict[str, Any]]:
-    """Return the sampler that `source` names, and the other arguments that `audit` needs with it."""
+def _load(source: str, parameters: list[str], asked: _Asked) -> tuple[Any, dict[str, Any], str | None]:
+    """Return the sampler that `source` names, the other arguments that `audit` needs, and what the user should know."""
     h, strands = asked.h, asked.strands
     if _kind(source) == LIBRARY:
         library = LibrarySampler(source, frame=asked.frame)
-        return library, {"name": library.name}
+        return library, {"name": library.name}, None
     if source.startswith(MITSUBA):
         _set_variant(asked.variant)
         given = read_parameters(parameters)
         words = " ".join([source[len(MITSUBA) :], *parameters])
-        return from_mitsuba(source[len(MITSUBA) :], h=h, **given), {"name": f"Mitsuba's {words}, h = {h:g}"}
+        return from_mitsuba(source[len(MITSUBA) :], h=h, **given), {"name": f"Mitsuba's {words}, h = {h:g}"}, None
     path = Path(source)
     if path.is_dir() or path.suffix.lower() == ".json":
         sampler = Sampler.load(path)
@@ -184,12 +189,12 @@ def _load(source: str, parameters: list[str], asked: _Asked) -> tuple[Any, dict[
         own: dict[str, Any] = {"strands": n, "name": f"{path}, {n:g} strands"}
         try:
             model = model_of(sampler)
-        except ValueError:
-            return sampler, own  # without f: its pdf can be audited all the same
-        return sampler, own | {"eval": with_strands(model, n).eval}
+        except ValueError as error:  # its pdf can be audited all the same
+            return sampler, own, f"not tested against its scattering function: {str(error).partition(';')[0]}"
+        return sampler, own | {"eval": with_strands(model, n).eval}, None
     chiang = read_model(source) if path.suffix.lower() == ".toml" else None
     if isinstance(chiang, Chiang):
-        return chiang.near(h), {"name": f"{source}, h = {h:g}"}
+        return chiang.near(h), {"name": f"{source}, h = {h:g}"}, None
     raise ValueError(
         f"an audit needs {MITSUBA}PLUGIN, a sampler's .json or its folder, a .toml with [chiang], a shared library"
         f" (.so, .dylib, .dll), or samples in an .npz or .csv file; got {source!r}"

@@ -74,6 +74,8 @@ def command(
             counts = AUTO
         if counts is not None and not hasattr(parsed, "with_strands"):
             parsed = Strands(parsed)
+        parameters_of = _parameters(parsed)
+        _refuse_another(output, parameters_of and parameters_of[0])
         result = fit(
             parsed, number, strands=counts, form=form, objective=objective, family=family, defensive=defensive,
             progress=part(progress, reading, 1 - reading),
@@ -82,7 +84,10 @@ def command(
     summary = fit_summary(result) | {"seconds_in_all": round(whole, 3)}
     with filling(output) as folder:
         result.sampler.save(folder / "sampler.json")
-        beside = _save_model(parsed, folder)
+        beside = []
+        if parameters_of is not None:
+            name, holds = parameters_of
+            beside = [holds.save(folder / name).name]
         write_text(folder / "fit.json", json.dumps(summary, indent=2) + "\n")
     if json_output:
         print(json.dumps(summary, indent=2))
@@ -107,15 +112,19 @@ def _tell_bounds(result: Fit, model: Any) -> None:
     )
 
 
-def _save_model(model: Any, folder: Path) -> list[str]:
-    """Write the model's parameters beside the sampler if they have a file format; return the file's name."""
-    if isinstance(model, DualScattering):
-        return [model.fibre.save(folder / "fibre.toml").name]
+def _parameters(model: Any) -> tuple[str, Any] | None:
+    """Return the file of a model's parameters, and what it holds, if they have a file format."""
     if isinstance(model, Strands):
-        return _save_model(model.model, folder)
-    if isinstance(model, Chiang):
-        return [model.save(folder / "chiang.toml").name]
-    return []
+        return _parameters(model.model)
+    if isinstance(model, DualScattering):
+        return "fibre.toml", model.fibre
+    return ("chiang.toml", model) if isinstance(model, Chiang) else None
+
+
+def _refuse_another(folder: Path, own: str | None) -> None:
+    for name in ("fibre.toml", "chiang.toml"):
+        if name != own and (folder / name).exists():
+            raise ValueError(f"{folder / name} describes another model than this fit's; move it, or give another folder")
 
 
 def _lobes(text: str) -> int | None:

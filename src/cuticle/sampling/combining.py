@@ -14,7 +14,7 @@ from cuticle._support.interpolation import smooth_spline
 from cuticle._support.quadrature import Grid, adapted_edges, grid
 from cuticle.sampling.lobe_table import MAX_LOBES, WEIGHT
 from cuticle.sampling.quality import Density
-from cuticle.sampling.sampler import Sampler
+from cuticle.sampling.sampler import Sampler, fitted
 from cuticle.scattering.bcsdf import Bcsdf, evaluate, is_even, luminance
 
 _MOST_NODES = 2000
@@ -58,8 +58,7 @@ def combine(direct: Sampler, multiple: Sampler, weight: float, *, strands: float
     4
     """
     for name, sampler in (("direct", direct), ("multiple", multiple)):
-        if not isinstance(sampler, Sampler):
-            raise TypeError(f"{name} must be a Sampler, got {type(sampler).__name__}")
+        fitted(name, sampler)
     weight = validate.number("weight", weight, 0, 1, above=True)
     if weight == 1:
         raise ValueError("weight must be in (0, 1), got 1; the direct sampler alone is what you ask for")

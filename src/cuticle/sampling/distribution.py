@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cuticle._support import validate
 from cuticle._support.values import Value
-from cuticle.scattering.bcsdf import Bcsdf, evaluate, luminance
+from cuticle.scattering.bcsdf import Bcsdf, check_model, evaluate, luminance
 
 
 class Peak(NamedTuple):
@@ -114,6 +114,7 @@ def tabulate(model: Bcsdf, theta_r: float, *, n_theta: int = 360, n_phi: int = 7
     >>> bool(abs(d.peak.phi) > 3)
     True
     """
+    check_model(model)
     tr = validate.number("theta_r", theta_r, -validate.HALF_PI, validate.HALF_PI, unit="rad", remedy=validate.RADIANS)
     validate.integer("n_theta", n_theta, 2, 20000)
     validate.integer("n_phi", n_phi, 2, 20000)

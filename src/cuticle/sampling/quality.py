@@ -8,8 +8,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cuticle._support import validate
 from cuticle._support.quadrature import Grid, adapted_edges, grid
-from cuticle.scattering.bcsdf import Bcsdf, evaluate, is_even, luminance
+from cuticle.scattering.bcsdf import Bcsdf, check_model, evaluate, is_even, luminance
 
 MEASURED_AT = np.radians([-85, -75, -60, -30, 0, 30, 60, 75, 85.0])  # viewers of a fit, a check and an audit, by default
 _COARSE = (360, 120)
@@ -87,6 +88,10 @@ def measure(sampler: Density, model: Bcsdf, theta_r: float, strands: float | Non
     error
         Whether to find `energy_error`, with a second rule: a quarter of all values of f.
     """
+    if not callable(getattr(sampler, "pdf", None)):
+        raise TypeError(f"sampler must have pdf(theta_i, theta_r, phi), got {type(sampler).__name__}")
+    check_model(model)
+    theta_r = validate.number("theta_r", theta_r, -validate.HALF_PI, validate.HALF_PI, unit="rad", remedy=validate.RADIANS)
     even = is_even(model)
 
     def values(g: Grid) -> NDArray[np.float64]:
@@ -140,6 +145,8 @@ def channel_bounds(model: Bcsdf, theta_r: float) -> ChannelBounds:
     With q_c = f_c cos/∫ f_c cos, Σ λ_c/ESS_c is smallest for p ∝ sqrt(Σ λ_c q_c²). Equal λ give `rgb`; the λ whose
     smallest sum is the largest give `worst`.
     """
+    check_model(model)
+    theta_r = validate.number("theta_r", theta_r, -validate.HALF_PI, validate.HALF_PI, unit="rad", remedy=validate.RADIANS)
     even = is_even(model)
 
     def values(g: Grid) -> NDArray[np.float64]:

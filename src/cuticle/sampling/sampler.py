@@ -54,6 +54,13 @@ FILE = file_schema(
 )
 
 
+def fitted(name: str, value: Any, remedy: str = "cuticle.fit makes one") -> Sampler:
+    """Return `value` if it is a `Sampler`, with lobes of its own, or raise TypeError."""
+    if not isinstance(value, Sampler):
+        raise TypeError(f"{name} must be a cuticle.Sampler, got {type(value).__name__}; {remedy}")
+    return value
+
+
 @dataclass(frozen=True, eq=False)
 class Sampler(Value):
     """Samples directions toward the light for a given viewer, and returns their density.

@@ -76,6 +76,8 @@ def check_model(model: object) -> None:
             "str": "; Marschner(Fibre.preset('brown')) is one",
         }.get(type(model).__name__, "")
         raise TypeError(f"model must have eval(theta_i, theta_r, phi), got {type(model).__name__}{remedy}")
+    if hasattr(model, "sampler_at"):
+        raise TypeError(f"model must be one fibre's, got {model!r}; its sampler_at(fibre) is one")
 
 
 def with_strands(model: Any, strands: float) -> Any:

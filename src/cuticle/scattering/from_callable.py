@@ -96,6 +96,9 @@ def from_callable(
     if not callable(function):
         raise TypeError(f"function must be callable, got {type(function).__name__}")
     validate.integer("repeats", repeats, 1, 1_000_000)
+    validate.flag("even", even)
+    if not isinstance(grid, (tuple, list)) or len(grid) != 3:
+        raise TypeError(f"grid must be three whole numbers, of theta_r, theta_i and phi, got {grid!r}")
     sizes = tuple(
         validate.integer(f"grid ({name})", n, low, 2000)
         for name, n, low in zip(("theta_r", "theta_i", "phi"), grid, (2, 7, 13), strict=True)

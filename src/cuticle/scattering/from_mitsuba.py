@@ -246,6 +246,9 @@ def _load(bsdf: Any, parameters: dict[str, Any], fast: bool) -> tuple[str, Any, 
             raise TypeError(f"bsdf must be a plugin's name, a dictionary or a material, got {type(bsdf).__name__}")
         return str(mi.variant()), bsdf, None
     given = {**({"type": bsdf} if isinstance(bsdf, str) else bsdf), **parameters}
+    for name, value in given.items():
+        if value is None:  # Mitsuba crashes
+            raise ValueError(f"{name} must be what the plugin takes, a number or a colour, got None; leave it out")
     variant = mi.variant() or ("llvm_ad_rgb" if fast and has_llvm() else "scalar_rgb")
     check_backend(variant)
     with _variant(variant):

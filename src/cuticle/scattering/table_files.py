@@ -7,7 +7,7 @@ import io
 import math
 import os
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from cuticle._support import validate
 from cuticle._support.files import check_size, opened, read_text, reading, write_bytes
 
 AXES = ("theta_r", "theta_i", "phi")
+_COLOURS = (("red", "green", "blue"), ("r", "g", "b"))
 _HELP = "it needs theta_r, theta_i, phi (radians; or theta_r_deg … in degrees) and f"
 Table = tuple[NDArray, NDArray, NDArray, NDArray]
 
@@ -55,7 +56,13 @@ def read_arrays(path: str | os.PathLike[str], what: str) -> dict[str, NDArray]:
             check_size(sum(_declared_bytes(archive, member) for member in archive.infolist()))
         file.seek(0)
         with np.load(file, allow_pickle=False) as arrays:
-            return {name: arrays[name] for name in arrays.files}
+            found = {}
+            for name in arrays.files:
+                try:
+                    found[name] = arrays[name]
+                except ValueError as error:
+                    raise ValueError(f"its array {name!r} cannot be read: {error}; save numbers, or leave it out") from None
+            return found
 
 
 def write_arrays(path: str | os.PathLike[str], arrays: Mapping[str, NDArray]) -> Path:
@@ -86,7 +93,7 @@ def read_rows(path: str | os.PathLike[str], what: str) -> tuple[list[str], NDArr
     with reading(path, what):
         text = read_text(path, what)
         rows = csv.reader(line for line in io.StringIO(text) if line.strip() and not line.startswith("#"))
-        header = [name.strip() for name in next(rows, [])]
+        header = [name.strip().lower() for name in next(rows, [])]
         if len(set(header)) < len(header):
             raise ValueError(f"its header names a column twice: {','.join(header)[:60]}")
         data: list[list[float]] = []
@@ -100,6 +107,30 @@ def read_rows(path: str | os.PathLike[str], what: str) -> tuple[list[str], NDArr
         if not data:
             raise ValueError("it holds no rows under its header")
         return header, np.array(data)
+
+
+def channel_columns(stem: str, names: Sequence[str]) -> list[str]:
+    """Return those of the columns that hold the channels of a value, in the order of the channels; none is an empty list.
+
+    Names are `stem`, of one channel; or `stem`_r, _g and _b; or `stem`_ and numbers, such as wavelengths, of which the least
+    is the first channel.
+
+    Raises
+    ------
+    ValueError
+        A name that begins like these is none of them, or there are two kinds.
+    """
+    ends = {name.removeprefix(stem): name for name in names if name == stem or name.startswith(stem + "_")}
+    if ends.keys() == {"_r", "_g", "_b"}:
+        return [ends["_r"], ends["_g"], ends["_b"]]
+    if ends.keys() <= {""}:
+        return list(ends.values())
+    if all(end[1:].isdecimal() for end in ends):
+        return [ends[end] for end in sorted(ends, key=lambda end: int(end[1:]))]
+    raise ValueError(
+        f"its columns {', '.join(ends.values())} are no channels: they must be {stem}; or {stem}_r, {stem}_g and {stem}_b;"
+        f" or {stem}_1, {stem}_2, …"
+    )
 
 
 def _angle(columns: dict[str, Any], name: str, path: Any) -> NDArray[np.float64]:
@@ -123,9 +154,15 @@ def _read_csv(path: Any) -> Table:
     columns = dict(zip(header, rows.T, strict=True))
     angles = [_angle(columns, name, path) for name in AXES]
     used = {key for name in AXES for key in (name, f"{name}_deg")}
-    channels = [k for k, name in enumerate(header) if name not in used]
-    if not channels:
-        raise ValueError(f"{path} has no values beside its angles: {_HELP}, one column a channel")
+    others = [name for name in header if name not in used]
+    # Columns of no f are channels of the user's own names: colours in their order, others in that of the file.
+    named = channel_columns("f", header) or next((list(c) for c in _COLOURS if set(c) == set(others)), others)
+    if not named or len(named) < len(others):
+        wrong = (
+            "has no values beside its angles" if not named else f"has a column {min(set(others) - set(named))!r} beside f"
+        )
+        raise ValueError(f"{path} {wrong}: {_HELP}, or f_r, f_g and f_b, or f_1, f_2, …, one column a channel")
+    channels = [header.index(name) for name in named]
     # Rows in any order; what no row names is a hole.
     axes, places = zip(*(np.unique(np.round(x, 9), return_inverse=True) for x in angles), strict=True)
     shape = *(len(a) for a in axes), len(channels)

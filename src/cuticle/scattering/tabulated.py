@@ -99,6 +99,10 @@ class Tabulated(Value, Plotted):
         smooth: bool = False,
     ) -> None:
         self.source: dict[str, Any] | None = None
+        for name, value in (("degrees", degrees), ("smooth", smooth), *((("even", even),) if even is not None else ())):
+            validate.flag(name, value)
+        for name, x in (("theta_r", theta_r), ("theta_i", theta_i), ("phi", phi), ("values", values)):
+            validate.real(name, x)
         turn = np.radians if degrees else np.asarray
         self.theta_r = increasing("theta_r", turn(np.atleast_1d(np.asarray(theta_r, np.float64))), 1)
         self.theta_i = increasing("theta_i", turn(np.asarray(theta_i, np.float64)), 3)
@@ -195,6 +199,8 @@ class Tabulated(Value, Plotted):
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the table to an .npz file; the file is replaced whole, or left as it was."""
+        if Path(path).suffix.lower() != ".npz":
+            raise ValueError(f"a table is written as .npz, got {path}; end the name in .npz")
         last = None if self.even else -1
         f = self.values[:, :, :last] / np.maximum(np.cos(self.theta_i), _POLE)[:, None, None]
         return write_table(path, self.theta_r, self.theta_i, self.phi[:last], f)
@@ -344,8 +350,8 @@ class Tabulated(Value, Plotted):
         most, where = self.energy[r, c], f"at theta_r {np.degrees(self.theta_r[r]):.4g}°, channel {c}"
         if most > _NOT_ENERGY:
             raise ValueError(
-                f"∫ f cos(theta_i) d omega must be at most 1, got {most:.4g} {where}: these are not 1/sr without a cosine;"
-                " divide by the incoming light"
+                f"∫ f cos(theta_i) d omega must be at most 1, got {most:.4g} {where}: values of over {_NOT_ENERGY:g} are no"
+                " 1/sr without a cosine; divide by the incoming light"
             )
         if most > MOST_ENERGY:
             _warn(f"more light leaves than came: ∫ f cos(theta_i) d omega is {most:.4g} {where}; is f 1/sr, with no cosine?")
