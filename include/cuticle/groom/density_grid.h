@@ -98,7 +98,7 @@ CUTICLE_HD Float count_strands(const DensityGrid<Scalar, Memory> &grid, const Fl
                                const Float &distance) {
     using Traits = ArrayTraits<Float>;
     using Index = typename Traits::Index;
-    const Float far = Float(largest<Float>), zero = Float(0);
+    const Float farthest = Float(largest<Float>), zero = Float(0);
     const Float along[3] = {d.x, d.y, d.z};
     // The part of the ray inside the box. A direction without a component along an axis meets neither of its borders.
     Float slow[3], enter = zero, leave = distance;
@@ -106,11 +106,11 @@ CUTICLE_HD Float count_strands(const DensityGrid<Scalar, Memory> &grid, const Fl
         const Float low = Float(grid.lower[a]) - origin[a], high = low + Float(grid.cell[a]) * Float(grid.size[a]);
         const auto still = math::abs(along[a]) < Float(1e-20);
         slow[a] = Float(1) / select(still, Float(1), along[a]);
-        const Float to_low = select(still, select(low > zero, far, Float(-far)), Float(low * slow[a]));
-        const Float to_high = select(still, select(high < zero, Float(-far), far), Float(high * slow[a]));
+        const Float to_low = select(still, select(low > zero, farthest, Float(-farthest)), Float(low * slow[a]));
+        const Float to_high = select(still, select(high < zero, Float(-farthest), farthest), Float(high * slow[a]));
         enter = math::max(enter, math::min(to_low, to_high));
         leave = math::min(leave, math::max(to_low, to_high));
-        slow[a] = select(still, far, slow[a]);
+        slow[a] = select(still, farthest, slow[a]);
     }
     // Per axis: the distance between borders, and what a step adds to the cell's index. The walk ends before the rounding
     // of its sums could take it past the last cell.
@@ -122,14 +122,14 @@ CUTICLE_HD Float count_strands(const DensityGrid<Scalar, Memory> &grid, const Fl
     int stride = density_columns;
     for (int a = 0; a < 3; ++a) {
         const Float width = Float(grid.cell[a]), last = Float(grid.size[a] - 1);
-        const auto back = along[a] < zero, still = slow[a] >= far;
+        const auto back = along[a] < zero, still = slow[a] >= farthest;
         const Float x = (origin[a] + math::min(enter, distance) * along[a] - Float(grid.lower[a])) / width;
         const Float cell = math::floor(math::clamp(x, zero, Float(last + Float(.5))));
         const Float ahead = (cell + select(back, zero, Float(1)) - x) * width * slow[a];
-        walk.next[a] = select(still, far, math::max(ahead, zero));
+        walk.next[a] = select(still, farthest, math::max(ahead, zero));
         apart[a] = select(still, zero, Float(width * math::abs(slow[a])));
         const Float out = walk.next[a] + select(back, cell, Float(last - cell)) * apart[a];
-        end = math::min(end, select(still, far, Float(out * Float(1 - 1e-4))));
+        end = math::min(end, select(still, farthest, Float(out * Float(1 - 1e-4))));
         walk.first = walk.first + index_below(cell, grid.size[a] - 1) * Index(stride);
         step[a] = select(back, Index(-stride), Index(stride));
         stride *= grid.size[a];

@@ -2,6 +2,10 @@
 #ifndef CUTICLE_MATH_CONFIG_H
 #define CUTICLE_MATH_CONFIG_H
 
+#if __cplusplus < 201703L && !(defined(_MSVC_LANG) && _MSVC_LANG >= 201703L)
+#error "Cuticle needs C++17: -std=c++17, or /std:c++17"
+#endif
+
 #if defined(__CUDACC__) || defined(__HIPCC__)
 #define CUTICLE_HD __host__ __device__
 #else

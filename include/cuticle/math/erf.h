@@ -142,12 +142,12 @@ template <class T> CUTICLE_INLINE T erfcinv_small(const T &q_) {
 // product, whose factors neither overflow nor underflow there. From 3 on: the continued fraction of erfc (DLMF 7.9.3),
 // evaluated from its tail.
 template <class T> CUTICLE_HD T erfcx(const T &x) {
-    const T small = min(x, T(3)), large = max(x, T(3));
-    T tail = large;
-    for (int k = 40; k >= 1; --k) tail = large + T(.5 * k) / tail;
+    const T lower = min(x, T(3)), upper = max(x, T(3));
+    T tail = upper;
+    for (int k = 40; k >= 1; --k) tail = upper + T(.5 * k) / tail;
     tail = T(0.56418958354775628695) / tail;
-    if constexpr (std::is_same_v<scalar_t<T>, float>) return select(x < T(3), erfcx_single(small), tail);
-    else return select(x < T(3), T(math::exp(T(small * small)) * math::erfc(small)), tail);
+    if constexpr (std::is_same_v<scalar_t<T>, float>) return select(x < T(3), erfcx_single(lower), tail);
+    else return select(x < T(3), T(math::exp(T(lower * lower)) * math::erfc(lower)), tail);
 }
 
 }  // namespace math

@@ -236,8 +236,8 @@ template <class T> CUTICLE_INLINE T copysign_chosen(const T &x, const T &sign) {
 
 // sin and cos of any angle, error below 2e-7; for vectors, and for shaders, whose own may be off by 5e-4.
 template <class T> CUTICLE_INLINE T sin_turned(const T &x) {
-    const T r = nearest_turn(x), far = math::abs(r);
-    return copysign_chosen(sin_single(min(far, T(T(pi<T>) - far))), r);
+    const T r = nearest_turn(x), size = math::abs(r);
+    return copysign_chosen(sin_single(min(size, T(T(pi<T>) - size))), r);
 }
 template <class T> CUTICLE_INLINE T cos_turned(const T &x) {
     return sin_single(T(T(half_pi<T>) - math::abs(nearest_turn(x))));

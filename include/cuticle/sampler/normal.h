@@ -83,8 +83,8 @@ struct NormalLobes {
 template <class Float> struct TruncatedNormal {
     Float lo, hi;
     NormalLobes::Density<Float> central;
-    Float near, sign;  // the end next to the mean, and the direction from it into the interval
-    Float z_near;      // its distance to the mean in units of 1/rate
+    Float nearer, sign;  // the end next to the mean, and the direction from it into the interval
+    Float z_near;        // its distance to the mean in units of 1/rate
     Float erfcx_near, tail_far, tail_mass;
     decltype(Float(0) < Float(0)) in_tail;
 
@@ -93,7 +93,7 @@ template <class Float> struct TruncatedNormal {
         const Float below = lo - mean, above = mean - hi;
         in_tail = math::max(below, above) > sigma;
         central = NormalLobes::make(Float(select(in_tail, Float(Float(.5) * (lo + hi)), mean)), sigma, lo, hi);
-        near = select(below > above, lo, hi);
+        nearer = select(below > above, lo, hi);
         sign = select(below > above, Float(1), Float(-1));
         z_near = math::max(Float(math::max(below, above) * central.rate), Float(0));
         erfcx_near = math::erfcx(z_near);
@@ -103,7 +103,7 @@ template <class Float> struct TruncatedNormal {
 
     CUTICLE_HD Float pdf(const Float &x) const {
         const Float z = (x - central.mean) * central.rate;
-        const Float d = sign * (x - near) * central.rate;
+        const Float d = sign * (x - nearer) * central.rate;
         const Float density = select(
             in_tail,
             Float(Float(two_over_sqrt_pi<Float>) * central.rate / tail_mass *
@@ -114,7 +114,7 @@ template <class Float> struct TruncatedNormal {
 
     CUTICLE_HD Float cdf(const Float &x_) const {
         const Float x = math::clamp(x_, lo, hi);
-        const Float inside = (erfcx_near - scaled_tail(Float(sign * (x - near) * central.rate))) / tail_mass;
+        const Float inside = (erfcx_near - scaled_tail(Float(sign * (x - nearer) * central.rate))) / tail_mass;
         const Float tail = select(sign > Float(0), inside, Float(Float(1) - inside));
         return math::clamp(Float(select(in_tail, tail, NormalLobes::cdf(central, x))), Float(0), Float(1));
     }
@@ -131,7 +131,7 @@ template <class Float> struct TruncatedNormal {
             const Float excess = d * (z_near + z_near + d) - math::log(Float(e / erfcx_near)) - target;
             d = math::clamp(Float(d - excess * e / Float(two_over_sqrt_pi<Float>)), Float(0), length);
         }
-        const Float tail = near + sign * d / central.rate;
+        const Float tail = nearer + sign * d / central.rate;
         return math::clamp(Float(select(in_tail, tail, NormalLobes::icdf(central, u, lo, hi))), lo, hi);
     }
 

@@ -48,9 +48,9 @@ template <class Float> struct Turned {
 };
 template <class Float>
 CUTICLE_INLINE Turned<Float> turned(Azimuthal form, const Float &x, const Float &rate, const Float &cut, const Float &kept) {
-    const Float far = math::abs(x), way = math::min(far, Float(Float(2 * pi<double>) - far));
+    const Float size = math::abs(x), way = math::min(size, Float(Float(2 * pi<double>) - size));
     const Float tail = (lower_tail(form, math::max(way, Float(0)) * rate) - cut) * kept;
-    const Float ahead = select(far > Float(pi<Float>), tail, Float(-tail));  // for x > 0; behind it is the other
+    const Float ahead = select(size > Float(pi<Float>), tail, Float(-tail));  // for x > 0; behind it is the other
     return {select(x > Float(0), Float(1), Float(0)), select(x > Float(0), ahead, Float(-ahead))};
 }
 

@@ -71,9 +71,9 @@ CUTICLE_HD Trilinear<Float> locate(const TabulatedModel<Scalar, Memory> &table, 
 // The shape in one strand count's table and channel.
 template <class Value, class Float, class Memory, class Index>
 CUTICLE_HD Value interpolate(const Memory &shape, const Trilinear<Float> &at, const Index &offset) {
-    const Index near = at.first + offset, far = near + Index(at.viewer_step);
-    return math::convex(bilinear_value<Value>(shape, near, at.row_step, at.column_step, at.b, at.c, 0),
-                        bilinear_value<Value>(shape, far, at.row_step, at.column_step, at.b, at.c, 0), at.a);
+    const Index own = at.first + offset, next = own + Index(at.viewer_step);
+    return math::convex(bilinear_value<Value>(shape, own, at.row_step, at.column_step, at.b, at.c, 0),
+                        bilinear_value<Value>(shape, next, at.row_step, at.column_step, at.b, at.c, 0), at.a);
 }
 // ln of the energy of one strand count and channel.
 template <class Value, class Float, class Scalar, class Memory, class Index>

@@ -18,15 +18,15 @@ template <class Float> CUTICLE_HD Float gaussian(const Float &x, const Float &va
 // series off, by 2 % after ten terms and ½ % after eleven.
 template <class Float> CUTICLE_INLINE Float i0_scaled(const Float &x) {
     const Float split = Float(3.75);
-    const Float small = math::min(x, split), large = math::max(x, split);
-    const Float t = math::sqr(Float(small * Float(1 / 3.75))), r = split / large;
+    const Float lower = math::min(x, split), upper = math::max(x, split);
+    const Float t = math::sqr(Float(lower * Float(1 / 3.75))), r = split / upper;
     const Float below =
-        math::decay(Float(-small)) * math::polynomial(t, Float(.0045813), Float(.0360768), Float(.2659732), Float(1.2067492),
+        math::decay(Float(-lower)) * math::polynomial(t, Float(.0045813), Float(.0360768), Float(.2659732), Float(1.2067492),
                                                       Float(3.0899424), Float(3.5156229), Float(1));
     const Float above =
         math::polynomial(r, Float(.00392377), Float(-.01647633), Float(.02635537), Float(-.02057706), Float(.00916281),
                          Float(-.00157565), Float(.00225319), Float(.01328592), Float(.39894228)) /
-        math::sqrt(large);
+        math::sqrt(upper);
     return select(x < split, below, above);
 }
 

@@ -82,11 +82,13 @@ template <class V> CUTICLE_INLINE bool any_bit(const V &x) {
 #endif
 
 #if CUTICLE_NATIVE_SHUFFLE
-template <class V, int... I> CUTICLE_INLINE auto join_chunks(const V &a, const V &b, std::integer_sequence<int, I...>) {
-    return __builtin_shufflevector(a, b, I...);
+template <class V, int... Lanes>
+CUTICLE_INLINE auto join_chunks(const V &a, const V &b, std::integer_sequence<int, Lanes...>) {
+    return __builtin_shufflevector(a, b, Lanes...);
 }
-template <int First, class V, int... I> CUTICLE_INLINE auto half_chunk(const V &a, std::integer_sequence<int, I...>) {
-    return __builtin_shufflevector(a, a, (First + I)...);
+template <int First, class V, int... Lanes>
+CUTICLE_INLINE auto half_chunk(const V &a, std::integer_sequence<int, Lanes...>) {
+    return __builtin_shufflevector(a, a, (First + Lanes)...);
 }
 #endif
 

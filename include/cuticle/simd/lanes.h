@@ -65,10 +65,10 @@ template <int L> CUTICLE_INLINE Quads<L> read_quads(const float *data, const std
 }
 
 // Applies one shuffle to each group of four; indices from 4 on select from b.
-template <int P0, int P1, int P2, int P3, class V, int... I>
-CUTICLE_INLINE V pick(const V &a, const V &b, std::integer_sequence<int, I...>) {
-    constexpr int from[4] = {P0, P1, P2, P3}, width = sizeof...(I);
-    return __builtin_shufflevector(a, b, (from[I % 4] % 4 + from[I % 4] / 4 * width + I / 4 * 4)...);
+template <int P0, int P1, int P2, int P3, class V, int... At>
+CUTICLE_INLINE V pick(const V &a, const V &b, std::integer_sequence<int, At...>) {
+    constexpr int from[4] = {P0, P1, P2, P3}, width = sizeof...(At);
+    return __builtin_shufflevector(a, b, (from[At % 4] % 4 + from[At % 4] / 4 * width + At / 4 * 4)...);
 }
 
 // Transposes: out[j] holds the j-th float of every lane. Lanes k, k + 4, ... share a vector, so that no shuffle crosses

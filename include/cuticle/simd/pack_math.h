@@ -148,21 +148,21 @@ template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> abs(const Pack<T, 
 // |x| below 2^31.
 template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> floor(const Pack<T, N, B> &x) {
     using P = Pack<T, N, B>;
-    P near;
+    P nearest;
     CUTICLE_UNROLL
     for (int i = 0; i < P::chunks; ++i) {
 #if CUTICLE_NATIVE_PACK
         if constexpr (std::is_same_v<T, float> && P::width > 1) {
             const auto n = __builtin_convertvector(x.v[i], typename detail::NativeChunk<P::width>::Integer);
-            near.v[i] = __builtin_convertvector(n, typename P::Chunk);
+            nearest.v[i] = __builtin_convertvector(n, typename P::Chunk);
         } else
 #endif
             if constexpr (P::width == 1)
-            near.v[i] = math::floor(x.v[i]);
+            nearest.v[i] = math::floor(x.v[i]);
         else
-            for (int k = 0; k < P::width; ++k) near.v[i][k] = math::floor(x.v[i][k]);
+            for (int k = 0; k < P::width; ++k) nearest.v[i][k] = math::floor(x.v[i][k]);
     }
-    return near - select(near > x, P(T(1)), P(T(0)));
+    return nearest - select(nearest > x, P(T(1)), P(T(0)));
 }
 template <class T, int N, int B> CUTICLE_INLINE Pack<T, N, B> copysign(const Pack<T, N, B> &x, const Pack<T, N, B> &sign) {
     const Pack<T, N, B> size = abs(x);

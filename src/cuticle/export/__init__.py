@@ -18,8 +18,8 @@ from cuticle.export.headers import amalgamate
 from cuticle.export.registry import HOSTS, Export, FamilyJob, Job, host
 from cuticle.export.reserved_words import OURS
 from cuticle.sampling.quality import MEASURED_AT, measure
-from cuticle.sampling.sampler import Sampler
-from cuticle.scattering.bcsdf import Bcsdf, with_strands
+from cuticle.sampling.sampler import Sampler, fitted
+from cuticle.scattering.bcsdf import Bcsdf, check_model, with_strands
 from cuticle.scattering.by_name import model_of
 from cuticle.scattering.chiang import Chiang
 from cuticle.scattering.dual_scattering import DualScattering
@@ -87,14 +87,17 @@ def export(
     >>> "namespace black {" in export(sampler, "cpp", frame="pbrt", name="black").text
     True
     """
+    fitted("sampler", sampler, "cuticle.fit makes one, export_family exports families")
     target = host(validate.choice("to", to, HOSTS))
     host_frame = check_frame(frame)  # the parameter hides the function of its name
     check_name(name, to)
     if with_model and target.model == "never":
         raise ValueError(f"--to {to} writes the sampler alone: leave --with-model out (with_model=False)")
+    if model is not None:
+        check_model(model)
     report = progress or (lambda phase, fraction: None)
     wanted = with_model or target.model == "always"
-    known = model or (model_of(sampler) if wanted else _known(sampler))
+    known = model if model is not None else (model_of(sampler) if wanted else _known(sampler))
     tables = None
     if wanted and known is not None:
         report("tables", 0.0)
@@ -134,8 +137,8 @@ def export_family(
     """
     write = family_writer(form, to)
     host_frame, name = check_frame(frame), check_name(name, to)
-    if not isinstance(among, FamilyAmong):
-        made = make_family(form, among)
+    if not isinstance(among, FamilyAmong) or form != "dual_scattering":
+        made = make_family(form, among.among if isinstance(among, FamilyAmong) else among)
         among = made if isinstance(made, FamilyAmong) else None
     if among is not None and among.channels != 3:
         raise ValueError(f"{to} has three channels, so among must have an absorption for each, got {among.channels}")
@@ -151,11 +154,14 @@ def check_name(name: str, to: str) -> str:
             "name must be letters, digits and single underscores, begin with a letter and not end in an underscore; got"
             f" {name!r}"
         )
-    if name in OURS | target.reserved:
+    if name in OURS or name in target.reserved:
         raise ValueError(f"name must not be a word that {to} keeps for itself, got {name!r}; {name}_fibre would do")
-    kept = next((p for p in target.reserved_prefixes if name.startswith(p)), None)
-    if kept is not None:
-        raise ValueError(f"name must not begin with {kept}, which {to} keeps for itself; got {name!r}")
+    for does, verb, kept in (
+        (name.startswith, "begin with", target.reserved_prefixes),
+        (name.endswith, "end in", target.reserved_endings),
+    ):
+        if found := next((text for text in kept if does(text)), None):
+            raise ValueError(f"name must not {verb} {found}, which {to} keeps for itself; got {name!r}")
     return name
 
 

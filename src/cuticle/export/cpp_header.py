@@ -27,7 +27,7 @@ def header(job: Job, *, cuda: bool) -> Export:
     nodes = sampler.padded_nodes.astype(np.float32)
     energy = sampler.energy.astype(np.float32)
     text = environment().get_template("sampler.h.j2").render(
-        about=job.about(), core=amalgamate(roots), name=name, guard=f"{name.upper()}_CUTICLE_H", frame=job.frame,
+        about=job.about(), core=amalgamate(roots), name=name, guard=f"{name}_CUTICLE_H", frame=job.frame,
         version=__version__.split("."), lobes=nodes.shape[3], theta_nodes=nodes.shape[1], strands=sampler.strands,
         even=sampler.even, nodes=nodes, energy=energy, model=tables, kind=tables.kind if tables is not None else "",
         cuda=cuda, family=job.lobe_family,

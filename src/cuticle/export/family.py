@@ -41,7 +41,7 @@ def family_header(
 ) -> Export:
     """Return a family as a C++ header. `weights`: of the channels in the density; `colour`: what the channels are."""
     text = environment().get_template("family.h.j2").render(
-        name=job.name, guard=f"{job.name.upper()}_CUTICLE_H", frame=job.frame, cuda=cuda, chiang=job.form == "chiang",
+        name=job.name, guard=f"{job.name}_CUTICLE_H", frame=job.frame, cuda=cuda, chiang=job.form == "chiang",
         about=job.about, core=amalgamate([f"scattering/{'far_field' if job.among is None else 'far_among'}.h"]),
         version=__version__.split("."), weights=weights, colour=colour, among=job.among,
     )  # fmt: skip

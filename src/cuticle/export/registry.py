@@ -126,8 +126,8 @@ class Host:
         Whether the scattering function's tables are a texture, in a file beside the text.
     named, framed
         Whether the text has names with the job's name in them, and functions that take directions in its frame.
-    reserved, reserved_prefixes
-        What the job's name may not be, and may not begin with.
+    reserved, reserved_prefixes, reserved_endings
+        What the job's name may not be, begin with and end in.
     """
 
     about: str
@@ -142,6 +142,7 @@ class Host:
     framed: bool = True
     reserved: frozenset[str] = frozenset()
     reserved_prefixes: tuple[str, ...] = ()
+    reserved_endings: tuple[str, ...] = ()
 
 
 def host_names() -> tuple[str, ...]:

@@ -1,7 +1,7 @@
 """Words that a name in an export may not be, by language, and beginnings that a language keeps for itself.
 
-Sources: C++23 [lex.key], [reserved.names], [zombie.names]; the C library's functions, which implementations declare
-outside `std`, too; the CUDA C++ Programming Guide's extensions; pbrt-v4's sources; GLSL 4.60 and GLSL ES 3.20,
+Sources: C++23 [lex.key], [reserved.names], [zombie.names]; what <cmath>, <cstdint>, <cstdlib> and <cstring> of glibc 2.36
+declare outside `std`; the CUDA C++ Programming Guide's extensions; pbrt-v4's sources; GLSL 4.60 and GLSL ES 3.20,
 section 3.6; the HLSL reference's keywords and reserved words; the Slang
 language reference; WGSL, sections 15.1 and 15.2; the Metal
 Shading Language Specification.
@@ -15,14 +15,28 @@ _C = """
     typeof typeof_unqual union unsigned void volatile while
 """
 _LIBRARY = """
-    abort abs acos acosh asin asinh assert atan atan2 atanh atexit atof atoi atol bsearch calloc cbrt ceil clock
-    copysign cos cosh ctime div erf erfc errno exit exp exp2 expm1 fabs fdim floor fma fmax fmin fmod fopen fpclassify
-    fprintf free frexp fscanf getenv gmtime hypot ilogb index isfinite isinf isnan isnormal j0 j1 jn labs ldexp lgamma
-    linux llabs lldiv llrint llround localtime log log10 log1p log2 logb longjmp lrint lround main malloc memchr memcmp
-    memcpy memmove memset mktime modf nan nearbyint nextafter nexttoward offsetof perror posix pow printf putchar puts
-    qsort raise rand realloc remainder remquo remove rename rewind rint round scalbln scalbn scanf select setjmp signal
-    signbit signgam sin sincos sinh sprintf sqrt srand stdin stdout stderr strcat strcmp strcpy strlen system tan tanh
-    tgamma time trunc unix y0 y1 yn EOF INFINITY NAN NDEBUG NULL near far min max
+    a64l abort abs acos acosh aligned_alloc arc4random arc4random_buf arc4random_uniform asin asinh assert at_quick_exit
+    atan atan2 atanh atexit atof atoi atol basename bcmp bcopy bsearch bzero calloc canonicalize canonicalize_file_name
+    cbrt ceil clearenv clock copysign cos cosh ctime daddl ddivl dfmal div dmull drand48 drand48_data drem dsqrtl dsubl
+    ecvt erand48 erf erfc errno exit exp exp10 exp2 explicit_bzero expm1 fabs fadd far fcvt fd_mask fd_set fdim fdiv ffma
+    ffs ffsl ffsll finite floor fma fmax fmaximum fmaximum_mag fmaximum_mag_num fmaximum_num fmaxmag fmin fminimum
+    fminimum_mag fminimum_mag_num fminimum_num fminmag fmod fmul fopen fpclassify fprintf free frexp fromfp fromfpx
+    fscanf fsqrt fsub gamma gcvt getenv getloadavg getpayload getpt getsubopt gmtime grantpt hypot ilogb index initstate
+    iscanonical iseqsig isfinite isinf isnan isnormal issignaling iszero j0 j1 jn jrand48 l64a labs lcong48 ldexp ldiv
+    lgamma linux llabs lldiv llogb llrint llround localtime log log10 log1p log2 logb longjmp lrand48 lrint lround main
+    malloc max mblen mbstowcs mbtowc memccpy memchr memcmp memcpy memfrob memmem memmove mempcpy memrchr memset min
+    mkdtemp mkostemp mkostemp64 mkostemps mkostemps64 mkstemp mkstemp64 mkstemps mkstemps64 mktemp mktime modf mrand48
+    nan near nearbyint nextafter nextdown nexttoward nextup nrand48 offsetof on_exit perror posix posix_memalign
+    posix_openpt pow printf pselect ptsname putchar putenv puts qecvt qfcvt qgcvt qsort quick_exit raise rand random
+    random_data rawmemchr realloc reallocarray realpath remainder remove remquo rename rewind rindex rint round roundeven
+    rpmatch scalb scalbln scalbn scanf secure_getenv seed48 select setenv setjmp setpayload setpayloadsig setstate
+    sigabbrev sigdescr signal signbit signgam significand sin sincos sinh sprintf sqrt srand srand48 srandom stderr stdin
+    stdout stpcpy stpncpy strcasecmp strcasestr strcat strchr strchrnul strcmp strcoll strcpy strcspn strdup strerror
+    strerrordesc strerrorname strfrom strfromd strfry strlen strncasecmp strncat strncmp strncpy strndup strnlen strpbrk
+    strrchr strsep strsignal strspn strstr strto strtod strtok strtol strtold strtoll strtoq strtoul strtoull strtouq
+    strverscmp strxfrm system tan tanh tgamma time timespec timeval totalorder totalordermag trunc u_char u_int u_long
+    u_short ufromfp ufromfpx uint ulong unix unlockpt unsetenv ushort valloc wcstombs wctomb y0 y1 yn EOF INFINITY NAN
+    NDEBUG NULL
 """
 _CPP = """
     alignas alignof and and_eq asm atomic_cancel atomic_commit atomic_noexcept bitand bitor catch char8_t char16_t
@@ -90,13 +104,15 @@ _MATRICES = {
 
 # Macros of the headers that exported C++ includes, as glibc has them: a compiler puts their text in place of the word.
 _MACROS = """
-    BIG_ENDIAN BYTE_ORDER LITTLE_ENDIAN PDP_ENDIAN MAXFLOAT MB_CUR_MAX NFDBITS RAND_MAX WCONTINUED WEXITED WEXITSTATUS
-    WNOHANG WNOWAIT WSTOPPED WSTOPSIG WTERMSIG WUNTRACED alloca be16toh be32toh be64toh htobe16 htobe32 htobe64 htole16
-    htole32 htole64 issubnormal le16toh le32toh le64toh math_errhandling strdupa strndupa
+    EDOM EILSEQ ERANGE ULLONG_MAX ULONG_MAX USHRT_MAX BIG_ENDIAN BYTE_ORDER LITTLE_ENDIAN PDP_ENDIAN MAXFLOAT MB_CUR_MAX
+    NFDBITS RAND_MAX WCONTINUED WEXITED WEXITSTATUS WNOHANG WNOWAIT WSTOPPED WSTOPSIG WTERMSIG WUNTRACED alloca be16toh
+    be32toh be64toh htobe16 htobe32 htobe64 htole16 htole32 htole64 issubnormal le16toh le32toh le64toh math_errhandling
+    strdupa strndupa
 """
-MACRO_PREFIXES = (
+PREFIXES = (
     *("EXIT_", "FD_", "FP_", "HUGE_VAL", "INT", "M_", "MATH_ERR", "PTRDIFF_", "SIG_ATOMIC_", "SIZE_", "SNAN", "UINT"),
-    *("WCHAR_", "WIF", "WINT_"),
+    *("WCHAR_", "WIF", "WINT_", "CHAR_", "DBL_", "FLT_", "LDBL_", "LLONG_", "LONG_", "SCHAR_", "SHRT_", "UCHAR_"),
+    *("f32", "f64", "pthread_"),  # functions between formats, as f32addf64, and threads
 )
 
 # pbrt-v4's materials (materials.cpp), its headers in src/pbrt, where an export's header goes, and its namespaces.
@@ -108,8 +124,14 @@ _PBRT = """
     pbrt pstd
 """
 
+ENDINGS = ("_t",)  # types, POSIX 2.2.2
+
+# The library's functions for other formats of numbers, with a locale, for threads, and of GNU alone.
+_FORMATS = ("", "f", "l", "f32", "f32x", "f64", "f64x", "f128")
+_VARIANTS = [f + number + end for f in _LIBRARY.split() for number in _FORMATS for end in ("", "_l", "_r", "_np")]
+
 OURS = frozenset({"cuticle"})
-CPP = frozenset((_C + _CPP + _LIBRARY + _MACROS).split()) | {"std", *(f"std{n}" for n in range(10))}
+CPP = frozenset((_C + _CPP + _MACROS).split()) | frozenset(_VARIANTS) | {"std", *(f"std{n}" for n in range(10))}
 CUDA = CPP | frozenset(_CUDA.split())
 PBRT = CPP | frozenset(_PBRT.split())
 GLSL = frozenset(_GLSL.split())

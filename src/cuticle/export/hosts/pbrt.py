@@ -8,7 +8,7 @@ from dataclasses import replace
 from cuticle.export.cpp_header import header
 from cuticle.export.family import family_header
 from cuticle.export.registry import Export, FamilyJob, Host, Job
-from cuticle.export.reserved_words import MACRO_PREFIXES, PBRT
+from cuticle.export.reserved_words import ENDINGS, PBRT, PREFIXES
 from cuticle.export.source import environment
 from cuticle.scattering import conventions
 from cuticle.scattering.frames import FRAMES
@@ -45,7 +45,7 @@ def _with_classes(core: Export, name: str, template: str, **values: object) -> E
     """A header with pbrt's classes behind it, and the lines that pbrt's own files need."""
     values |= {"name": name, "prefix": "".join(part.capitalize() for part in name.split("_"))}
     templates = environment()
-    classes = templates.get_template(template).render(values, guard=f"{name.upper()}_PBRT_H")
+    classes = templates.get_template(template).render(values, guard=f"{name}_PBRT_H")
     lines = templates.get_template("pbrt.txt.j2").render(values)
     return replace(core, text=f"{core.text}\n{classes}", remarks=lines)
 
@@ -53,5 +53,5 @@ def _with_classes(core: Export, name: str, template: str, **values: object) -> E
 HOST = Host(
     "a header for pbrt-v4 with a BxDF and a Material, and the lines to add to pbrt's files", write, write_family,
     forms=("chiang",), model="always",
-    framed=False, reserved=PBRT, reserved_prefixes=MACRO_PREFIXES,
+    framed=False, reserved=PBRT, reserved_prefixes=PREFIXES, reserved_endings=ENDINGS,
 )  # fmt: skip
