@@ -162,7 +162,7 @@ def test_arrays_of_fibres_broadcast_with_directions() -> None:
         ({"sigma_a": [1.0, 2.0]}, r"last axis of 1 or 3 channels, got shape \(2,\)"),
         ({"sigma_a": 1.0, "beta_n": [0.3, 0.01]}, r"beta_n must lie in \[0.05, 1\], got 0.01 at beta_n\[1\]"),
         ({"sigma_a": 1.0, "eta": 1.0}, r"eta must lie in \[1.05, 3\], got 1"),
-        ({"sigma_a": 1.0, "beta_R": 3.0}, "the family 'chiang' has no parameter 'beta_R'; it has beta_m"),
+        ({"sigma_a": 1.0, "beta_R": 3.0}, "fibres of 'chiang' have no parameter 'beta_R'; they have beta_m"),
         ({"sigma_a": 1.0, "beta_m": [0.1, 0.2], "alpha": [1.0, 2.0, 3.0]}, "shapes do not broadcast"),
     ],
 )

@@ -163,7 +163,13 @@ def test_strands_broadcast_and_a_sampler_keeps_them() -> None:
         (lambda: among().pdf(0, 0, 0, sigma_a=1, strands=-1), ValueError, r"strands must be in \[0, 10,000\], got -1"),
         (lambda: among().pdf(0, 0, 0, sigma_a=1, behind=np.nan), ValueError, r"behind must be in \[0, 10,000\], got nan"),
         (lambda: among().sampler_at(sigma_a=1, strands=2e4), ValueError, r"strands must be in \[0, 10000\], got 20000"),
-        (lambda: among().pdf(0, 0, 0, strand=2, sigma_a=1), ValueError, "has no parameter 'strand'"),
+        (lambda: among().pdf(0, 0, 0, strand=2, sigma_a=1), ValueError, "have no parameter 'strand'"),
+        (lambda: among().sampler_at(sigma_a=1, behind=3), ValueError, "strands alone .*; behind is for pdf, sample"),
+        (lambda: among().sampler_at(MEAN, d_f=1), ValueError, "not both; got Fibre and d_f"),
+        (
+            lambda: cuticle.family("dual_scattering", Fibre.preset("document")), ValueError,
+            r"formulation exact, got zinke2008.*among\.replace",
+        ),
         (lambda: among().pdf(0, 0, 0, CHIANG), TypeError, r"must be a cuticle\.Fibre"),
         (
             lambda: cuticle.family("dual_scattering", Fibre(sigma_a=0.3)).pdf(0, 0, 0, sigma_a=(1, 2, 3)), ValueError,

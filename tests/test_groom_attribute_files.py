@@ -42,21 +42,36 @@ def test_npz_refuses_names_that_are_one_to_numpy(groom: Groom, tmp_path: Path) -
     assert not (tmp_path / "a.npz").exists()
 
 
-def test_npz_of_others_holds_attributes_beside_points(tmp_path: Path) -> None:
+def test_three_values_a_strand_of_three_points_are_said_to_be_points(tmp_path: Path) -> None:
     points = np.arange(18.0).reshape(2, 3, 3)
+    np.savez(tmp_path / "a.npz", points=points, radius=np.array(0.1), color=np.ones((2, 3)))
+    with pytest.warns(UserWarning, match=r"took color of shape \(2, 3\) as a value at each of a strand's 3 points"):
+        assert read_groom(tmp_path / "a.npz").attributes["color"].shape == (6,)
+
+
+def test_a_groom_is_not_written_as_what_its_ending_is_not(groom: Groom, tmp_path: Path) -> None:
+    for name in ("a.hair", "a.USD", "a.ply"):
+        with pytest.raises(ValueError, match=r"as \.npz or as Mitsuba's text, not as .*; end the name in \.npz or \.txt"):
+            groom.save(tmp_path / name)
+        assert not (tmp_path / name).exists()
+    groom.save(tmp_path / "a.strands")  # Mitsuba takes any
+
+
+def test_npz_of_others_holds_attributes_beside_points(tmp_path: Path) -> None:
+    points = np.arange(24.0).reshape(2, 4, 3)
     np.savez(
         tmp_path / "a.npz", points=points, radius=np.array(0.1), each=np.array([5, 6], np.uint8), along=points[..., 0],
-        colour=points, tag=np.array(["a", "b"]), far=np.array([1e300, 0]), m=np.zeros((2, 4, 4)),
+        colour=points, tag=np.array(["a", "b"]), far=np.array([1e300, 0]), m=np.zeros((2, 5, 4)),
     )  # fmt: skip
     with pytest.warns(UserWarning, match=r"a\.npz: left out attribute tag \(.*\)$") as told:
         found = read_groom(tmp_path / "a.npz")
     (warning,) = told
     assert str(warning.message).split(": ", 1)[1] == (
         "left out attribute tag (must be an array of numbers, got an array of <U1), far (must be finite numbers in single"
-        " precision, strand 0 has inf), m (must have shape (2,) or (2, C), one value a strand, or (6,) or (6, C), one a"
-        " point, C from 1 to 32; got (2, 4, 4))"
+        " precision, strand 0 has inf), m (must have shape (2,) or (2, C), one value a strand, or (8,) or (8, C), one a"
+        " point, C from 1 to 32; got (2, 5, 4))"
     )
-    assert values(found) == {"each": [5, 6], "along": [0, 3, 6, 9, 12, 15], "colour": points.reshape(-1, 3).tolist()}
+    assert values(found) == {"each": [5, 6], "along": [0, 3, 6, 9, 12, 15, 18, 21], "colour": points.reshape(-1, 3).tolist()}
 
 
 def test_values_of_left_out_strands_and_points_are_left_out(tmp_path: Path) -> None:

@@ -288,6 +288,7 @@ def test_a_lying_file_is_refused(
         ({"points": np.zeros((4, 3)), "offsets": [3, 5, 7]}, "offsets must begin at 0, got"),
         ({"points": np.zeros((4, 3)), "counts": [2.5, 1.5]}, "counts must be whole numbers, got an array of float64"),
         ({"points": np.zeros((4, 3), complex), "counts": [4]}, "points must be numbers, got an array of complex128"),
+        ({"points": np.zeros((4, 3)), "counts": [4], "name": np.array(["a", None])}, "array 'name' .*Object.*leave it out"),
         ({"points": np.arange(12.0).reshape(4, 3), "counts": [4], "radius": [1, 2]}, "radius must have 4 values"),
     ],
 )

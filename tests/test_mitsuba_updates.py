@@ -179,6 +179,24 @@ def test_an_update_refuses_a_density_out_of_range(value: float, use_variant: Use
         assert mi.traverse(bsdf)["d_f"] == before
 
 
+@pytest.mark.parametrize("sampling", ["function", "lobes"])
+@pytest.mark.parametrize("value", [-1.0, float("nan")])
+def test_an_absorption_that_is_none_is_held_to_0(value: float, sampling: str, use_variant: UseVariant) -> None:
+    """What moves it, such as a gradient, is not stopped: it is held, as a texture's values are."""
+    mi = use_variant("scalar_rgb")
+    rng = np.random.default_rng(5)
+    r, i = random_directions(rng, 5), random_directions(rng, 5)
+    found = []
+    for scale in (0.0, value):
+        bsdf = mi.load_dict({"type": "cuticle", "fibre": "brown", "scale": 2.0, "sampling": sampling})
+        parameters = mi.traverse(bsdf)
+        parameters["scale.value"] = scale
+        parameters.update()
+        found.append(ask(mi, bsdf, r, i, rng.random((5, 3)), None).f)
+    assert np.array_equal(*found)
+    assert (found[0] > 0).all()
+
+
 @pytest.mark.slow
 def test_absorption_is_differentiable(use_variant: UseVariant) -> None:
     mi = use_variant("llvm_ad_rgb")

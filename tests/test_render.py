@@ -171,6 +171,16 @@ def test_command_line(tmp_path: Path) -> None:
     assert json.loads(ran.stdout)["strands"] == 2000
 
 
+def test_command_line_takes_or_ignores_what_a_file_says_of_its_strands(tmp_path: Path) -> None:
+    lock = wavy_lock(20)
+    lock.with_attributes(color=np.full((20, 3), 0.5), alpha=np.full(20, 90.0)).save(tmp_path / "a.npz")
+    small = ("render", "a.npz", "-o", "a.png", "--spp", "1", "--width", "16")
+    done = run(*small, "--ignore", "alpha", cwd=tmp_path)  # a colour is Chiang's
+    assert "20 strands" in done.stdout
+    assert "20 strands" in run(*small, "--fibre", "brown", "--ignore", "alpha", "--ignore", "color", cwd=tmp_path).stdout
+    refused(*small, "--fibre", "brown", words="--ignore alpha", cwd=tmp_path)
+
+
 @pytest.mark.slow
 def test_command_line_reads_a_sampler(tmp_path: Path) -> None:
     fit = cuticle.fit(cuticle.DualScattering(cuticle.Fibre.preset("brown")), 2, strands=[0, 2])
@@ -250,6 +260,8 @@ def test_command_line_compares(tmp_path: Path) -> None:
         (("ball", "-o", "a.png", "--interpolate", "9", "--followers", "2"), "leave out one"),
         (("lock", "-o", "a.png", "--bust"), "groom must have roots about a head"),
         (("ball", "-o", "a.png", "--variant", "gpu"), "variant must be one of scalar_rgb"),
+        (("ball", "-o", "a.png", "--ignore", "color"), "--ignore color: the groom has no attributes"),
+        (("ball", "-o", "a.png", "--vary", "tilt=1", "--vary", "tilt=2"), "--vary was given tilt twice; leave one out"),
         (("ball", "-o", "nowhere/a.png"), "cannot write to nowhere"),
         (("compare", "ball", "-o", "out", "--seconds", "0"), "--seconds must be in [0.1, 3600], got 0"),
     ],

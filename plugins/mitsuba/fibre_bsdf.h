@@ -8,7 +8,7 @@ NAMESPACE_BEGIN(mitsuba)
 
 template <typename Float, typename Spectrum> class FibreBSDF : public AbsorbingHairBSDF<Float, Spectrum> {
   public:
-    MI_IMPORT_BASE(AbsorbingHairBSDF, m_scale, m_sigma_a, m_scene)
+    MI_IMPORT_BASE(AbsorbingHairBSDF, held, m_scale, m_sigma_a, m_scene)
     MI_IMPORT_TYPES(Texture)
     using typename Base::Angles;
     static constexpr int channels = int(dr::size_v<UnpolarizedSpectrum>);
@@ -186,11 +186,6 @@ template <typename Float, typename Spectrum> class FibreBSDF : public AbsorbingH
         } else {
             return x;
         }
-    }
-
-    // What is no number is held to the least.
-    template <class Value> static Value held(const Value &x, ScalarFloat low, ScalarFloat high) {
-        return dr::select(x >= low, dr::minimum(x, Value(high)), Value(low));
     }
 
     Float raw(size_t k, const SurfaceInteraction3f &si, const Mask &active) const {

@@ -306,7 +306,12 @@ template <typename Float, typename Spectrum> class AbsorbingHairBSDF : public Ha
     }
 
     UnpolarizedSpectrum absorption(const SurfaceInteraction3f &si, Mask active) const {
-        return dr::maximum(m_sigma_a->eval(si, active) * m_scale->eval(si, active), 0.f);
+        return held(m_sigma_a->eval(si, active) * m_scale->eval(si, active), 0, 1000);
+    }
+
+    // What is no number is held to the least.
+    template <class Value> static Value held(const Value &x, ScalarFloat low, ScalarFloat high) {
+        return dr::select(x >= low, dr::minimum(x, Value(high)), Value(low));
     }
 
     ref<Texture> m_sigma_a, m_scale;

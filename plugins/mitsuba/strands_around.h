@@ -13,6 +13,7 @@
 #include <atomic>
 #include <mutex>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "hair_grid.h"
@@ -87,7 +88,7 @@ template <typename Float, typename Spectrum> class StrandsAround {
                 kept.push_back(shape);
             }
         }
-        if (!some_hair)
+        if (!some_hair && !std::exchange(m_told, true))
             Log(Warn,
                 "dual_scattering: no shape has a BSDF `cuticle` whose fibre can stand among others: all is lit as by "
                 "`direct`");
@@ -259,7 +260,7 @@ template <typename Float, typename Spectrum> class StrandsAround {
     ScalarBoundingBox3f m_box;  // of all hair
     std::vector<const BSDF *> m_kinds;
     // Some hair is there; all of it is in the grid; some of it knows no mean over what the grid expects.
-    bool m_some_hair = false, m_has_grid = false, m_draws = false;
+    bool m_some_hair = false, m_has_grid = false, m_draws = false, m_told = false;
 };
 
 NAMESPACE_END(mitsuba)

@@ -68,6 +68,12 @@ FollowersOption = Annotated[int, typer.Option(help="Number of copies beside each
 SpreadOption = Annotated[
     float | None, typer.Option(help="Standard deviation of a copy's offset. Default: 1/200 of the groom's size.")
 ]
+IgnoreOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME", help="Leave out an attribute of the files that would set the fibre, such as color. Repeatable."
+    ),
+]
 WidthOption = Annotated[int, typer.Option(help="Width in pixels.")]
 AzimuthOption = Annotated[float, typer.Option(help="Direction of the camera around the up axis +y, degrees from +z.")]
 ElevationOption = Annotated[float, typer.Option(help="Elevation of the camera above the horizon, degrees.")]
@@ -89,12 +95,21 @@ def _check_groom(ctx: typer.Context, radius: float | None, tip: float | None, fo
 
 
 def _groom(
-    names: list[str], radius: float | None, tip: float | None, followers: int, spread: float | None, frame: float | None
+    names: list[str],
+    radius: float | None,
+    tip: float | None,
+    followers: int,
+    spread: float | None,
+    frame: float | None,
+    ignore: list[str],
 ) -> Groom:
     if frame is not None and all(n in BUILT_IN for n in names):
         raise ValueError("--frame is the time to read USD or Alembic at; a built-in groom has none, leave it out")
     grooms = [BUILT_IN[n]() if n in BUILT_IN else read_groom(n, radius=radius, frame=frame) for n in names]
     groom = join_grooms(grooms) if len(grooms) > 1 else grooms[0]
+    if unknown := [name for name in ignore if name not in groom.attributes]:
+        raise ValueError(f"--ignore {unknown[0]}: the groom has {', '.join(groom.attributes) or 'no attributes'}")
+    groom = groom.with_attributes(**dict.fromkeys(ignore))
     if followers:
         low, high = groom.bounds
         groom = groom.with_followers(followers, float(max(high - low)) / 200 if spread is None else spread)
@@ -114,6 +129,8 @@ def _variation(given: list[str]) -> dict[str, Any]:
             raise ValueError(f"--vary takes NAME=NUMBER, such as melanin=1.3, or dye=R,G,B; got {text!r}") from None
         if name not in VARIATIONS:
             raise ValueError(f"--vary has no {name!r}; it has {', '.join(VARIATIONS)}")
+        if name in out:
+            raise ValueError(f"--vary was given {name} twice; leave one out")
         first = int(numbers[0]) if name == "seed" and numbers[0].is_integer() else numbers[0]
         out[name] = numbers if name == "dye" or len(numbers) > 1 else first  # several, or part of a seed, vary refuses
     return out
@@ -157,6 +174,7 @@ def picture_command(
     ] = None,
     bust: Annotated[bool, typer.Option("--bust", help="Put head, neck and shoulders under the hair.")] = False,
     frame: FrameOption = None,
+    ignore: IgnoreOption = None,
     width: WidthOption = 512,
     height: Annotated[int | None, typer.Option(help="Height in pixels. Default: the width.")] = None,
     azimuth: AzimuthOption = 25.0,
@@ -193,19 +211,20 @@ def picture_command(
     how = integrator(technique, depth=depth, **own)
     _check_fibre(fibre)
     variation = _variation(varied or [])
-    hair = _groom(groom, radius, tip, followers, spread, frame)
+    hair = _groom(groom, radius, tip, followers, spread, frame, ignore or [])
     under = (head_bust() if groom == ["head"] else Bust.fitted(hair)) if bust else None
     if interpolate:
         hair = hair.interpolated(interpolate)
     if varied:
         hair = vary(hair, **variation)
     material = bsdf(fibre, sampling, strands=technique == "dual")
-    if chiang := varies(hair) & FORMS["chiang"].keys() - {"eta"}:  # the groom tells a fibre of its own
+    if chiang := varies(hair) & {"color", *FORMS["chiang"]} - {"eta"}:  # the groom tells a fibre of its own
         if not was_given(ctx, "fibre"):
             del material["fibre"]
         elif not isinstance(read_parameters_or_model(fibre), Chiang):
             raise ValueError(
-                f"the groom's {min(chiang)} is for Chiang's fibres: leave --fibre out, or give a .toml with [chiang]"
+                f"the groom's {min(chiang)} is for Chiang's fibres: leave --fibre out, give a .toml with [chiang], or"
+                f" --ignore {min(chiang)}"
             )
     mi = mitsuba(variant)
     with progress_bar(json_output) as progress:
@@ -242,6 +261,7 @@ def compare_command(
     followers: FollowersOption = 0,
     spread: SpreadOption = None,
     frame: FrameOption = None,
+    ignore: IgnoreOption = None,
     width: WidthOption = 192,
     azimuth: AzimuthOption = 25.0,
     elevation: ElevationOption = 10.0,
@@ -256,7 +276,7 @@ def compare_command(
     view = View(azimuth=azimuth, elevation=elevation, width=width, height=width, zoom=zoom)
     lit = Light(light)
     _check_fibre(fibre)
-    hair = _groom(groom, radius, tip, followers, spread, frame)
+    hair = _groom(groom, radius, tip, followers, spread, frame, ignore or [])
     mitsuba(variant)
     check_directory(output)
     from cuticle.render.compare import compare_samplings

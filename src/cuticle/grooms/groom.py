@@ -281,7 +281,8 @@ class Groom(Value):
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the text file of Mitsuba's `bsplinecurve`: one line `x y z radius` per control point, a blank line between
         strands. `read_groom` reads the same groom back, to single precision, without its attributes. A path that ends in
-        .npz gets NumPy arrays instead, all that the groom holds, which are read back bit for bit.
+        .npz gets NumPy arrays instead, all that the groom holds, which are read back bit for bit; one that ends as another
+        hair format does is refused.
 
         The curves pass through the groom's points. A radius whose spline would swing below 0 is cut off there. A strand of
         radius 0, which no ray hits, is added at the end: Mitsuba 3.9 reads out of bounds where a ray hits the tip of the
@@ -297,6 +298,13 @@ class Groom(Value):
                 )
             write_arrays(path, own | dict(self.attributes))
             return
+        from cuticle.grooms.readers import TEXT, format_of
+
+        if other := format_of(path, but=TEXT):
+            raise ValueError(
+                f"{path}: a groom is written as .npz or as Mitsuba's text, not as {other}, which this ending is read as; end"
+                f" the name in .npz or {TEXT[0]}"
+            )
         control, offsets = self.control_points()
         guard = np.column_stack([np.linspace(control[-2, :3], control[-1, :3], 4), np.zeros(4)])
         control, offsets = np.concatenate([control, guard]), np.append(offsets, len(control) + 4)

@@ -91,6 +91,12 @@ def known_endings() -> str:
     return ", ".join(ending for reader in READERS for ending in reader.endings)
 
 
+def format_of(path: str | os.PathLike[str], but: tuple[str, ...] = ()) -> str | None:
+    """Return the name of the format that a path's ending is read as; None of an unknown ending, and of those in `but`."""
+    ending = Path(path).suffix.lower()
+    return next((r.name for r in READERS if ending in r.endings and ending not in but), None)
+
+
 def known_formats() -> str:
     """Return every format with its endings, in words for a help text."""
     return ", ".join(f"{reader.name} ({' '.join(reader.endings)})" for reader in READERS)
@@ -221,10 +227,16 @@ def _npz(path: Path) -> Raw:
     if bend is not None and bend.shape != (len(counts), 2, 4):
         raise ValueError(f"bend must have shape ({len(counts)}, 2, 4), got {bend.shape}")
     own = {name: values for name, values in arrays.items() if name not in named.TAKEN}
+    notes: tuple[str, ...] = ()
     if arrays["points"].ndim == 3:
         dense = arrays["points"].shape[:2]
+        if dense[1] == 3 and (unclear := [name for name, values in own.items() if values.shape == dense]):
+            notes = (
+                f"took {', '.join(unclear)} of shape {dense} as a value at each of a strand's 3 points; for 3 channels a"
+                " strand give points as (N, 3), with counts",
+            )
         own = {n: v.reshape(-1, *v.shape[2:]) if v.shape[:2] == dense else v for n, v in own.items()}
-    return Raw(points, counts, _npz_radius(arrays, counts, len(points)), bend, attributes=own)
+    return Raw(points, counts, _npz_radius(arrays, counts, len(points)), bend, notes, own)
 
 
 def _npz_radius(arrays: dict[str, NDArray], counts: NDArray[np.int64], points: int) -> NDArray | None:
@@ -326,6 +338,7 @@ def _scene(arrays: dict[str, NDArray]) -> Raw:
     return Raw(arrays["points"], arrays["counts"], radius, arrays["bend"], notes, own)
 
 
+TEXT = (".txt", ".curves")  # Mitsuba's own
 READERS = [
     Reader("cyHair or MonoHair", (".hair",), _hair),
     Reader("USC-HairSalon", (".data",), _usc),
@@ -334,5 +347,5 @@ READERS = [
     Reader("Alembic", (".abc",), lambda path, frame=None: _scene(read_alembic(path, frame)), timed=True),
     Reader("PLY", (".ply",), lambda path: Raw(*read_ply(path))),
     Reader("NumPy arrays", (".npz",), _npz),
-    Reader("Mitsuba's text", (".txt", ".curves"), _text),
+    Reader("Mitsuba's text", TEXT, _text),
 ]

@@ -54,7 +54,7 @@ class Parameters:
         for name in given:
             if name not in _NAMES and name not in _OWN:
                 raise ValueError(f"cuticle has no parameter {name!r}; it has {', '.join(_NAMES)}, or a fibre's own")
-        own = {name: _plain(given[name]) for name in _OWN if name in given}
+        own = {name: _plain(name, given[name]) for name in _OWN if name in given}
         sampling = validate.choice("sampling", given["sampling"], SAMPLINGS) if "sampling" in given else None
         if "lobes" in given and sampling not in (None, "lobes"):
             raise ValueError(f"lobes is their number, for sampling lobes; leave it out for sampling {sampling}")
@@ -102,9 +102,14 @@ def _name(name: str) -> str:
 
 def _path(name: str) -> str:
     """A file as Mitsuba finds it, beside the scene, too; what is no file stays as it is."""
-    return str(mi.file_resolver().resolve(name))
+    return str(mi.file_resolver().resolve(name)) if name else name
 
 
-def _plain(value: Any) -> Any:
+def _plain(name: str, value: Any) -> Any:
     """A plugin's parameter as a fibre takes it: colours and vectors become lists."""
-    return value if isinstance(value, (str, int, float)) else [float(x) for x in value]
+    if isinstance(value, (str, int, float)):
+        return value
+    try:
+        return [float(x) for x in value]
+    except TypeError:
+        raise TypeError(f"{name} must be a number, a colour or a texture, got {type(value).__name__}") from None

@@ -34,6 +34,8 @@ def textures_of(props: Any, given: Mapping[str, Any]) -> dict[str, Any]:
     for name, texture in found.items():
         if name not in TEXTURED:
             raise ValueError(f"{name} must not be a texture; these may: scale, {', '.join(TEXTURED)}")
+        if not isinstance(texture, mi.Texture):
+            raise ValueError(f"{name} must be a number or a texture, got {texture.class_name()}")
         refuse_mesh(name, texture)
         if name == "sigma_a":
             refuse_reflectances(name, texture)

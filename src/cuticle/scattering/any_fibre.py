@@ -163,7 +163,7 @@ class Family(Value):
         unknown = sorted(given.keys() - self.parameters.keys() - set(ABSORPTION))
         if unknown:
             raise ValueError(
-                f"the family {self.form!r} has no parameter {unknown[0]!r}; it has {', '.join(self.parameters)},"
+                f"fibres of {self.form!r} have no parameter {unknown[0]!r}; they have {', '.join(self.parameters)},"
                 f" {', '.join(ABSORPTION)}"
             )
         found = {name: _checked(name, given[name], p) for name, p in self.parameters.items() if name in given}
@@ -200,7 +200,10 @@ class Family(Value):
 
     def _fibres(self, fibre: Any, values: Mapping[str, Any]) -> Fibres:
         if fibre is not None and values:
-            raise ValueError(f"give the fibre as one argument or by keywords, not both; got {type(fibre).__name__} and more")
+            raise ValueError(
+                "give the fibre as one argument or by keywords, not both;"
+                f" got {type(fibre).__name__} and {', '.join(values)}"
+            )
         if fibre is None or isinstance(fibre, Mapping):
             return self.fibres(**(fibre or values))
         if isinstance(fibre, Fibres) and fibre.form == self.form:

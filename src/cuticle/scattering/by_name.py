@@ -73,7 +73,7 @@ def read_parameters_or_model(name: str, parameters: Sequence[str] = (), *, progr
         )
     if name in PRESETS:
         return Fibre.preset(name)
-    if suffix == ".toml" or Path(name).exists():
+    if suffix == ".toml" or Path(name).is_file():
         makers = {table: c.from_table for table, c in _toml_readers().items()}
         return read_toml(read_text(name, "model"), makers, source=name, remedy=Fibre.table_remedy)
     raise ValueError(f"a scattering function must be {known_names()}; got {name!r}")

@@ -49,7 +49,7 @@ class FamilyAmong(Family):
     TypeError
         `among` is no fibre.
     ValueError
-        A density is out of range, or an absorption is 0.
+        A density is out of range, an absorption is 0, or the mean fibre is meant for another formulation than "exact".
 
     Examples
     --------
@@ -65,6 +65,11 @@ class FamilyAmong(Family):
     def __init__(self, among: Fibre | Chiang, *, d_f: float | None = None, d_b: float | None = None) -> None:
         if not isinstance(among, (Fibre, Chiang)):
             raise TypeError(f"among must be the mean fibre, a cuticle.Fibre or a cuticle.Chiang; got {among!r}")
+        if getattr(among, "formulation", "exact") != "exact":
+            raise ValueError(
+                f"among must have the formulation exact, got {among.formulation}, which has no density of its own;"  # type: ignore[union-attr]
+                ' among.replace(formulation="exact") has it'
+            )
         super().__init__("chiang" if isinstance(among, Chiang) else "marschner")
         self.among = among
         self.d_f, self.d_b = (
@@ -101,6 +106,8 @@ class FamilyAmong(Family):
     def sampler_at(self, fibre: Any = None, **values: Any) -> FibreSampler:
         """Return the function and sampler of one fibre, through `strands` of them, for `cuticle.audit`, `measure`, `fit`."""
         strands = values.pop("strands", 0.0)
+        if others := [name for name in _SURROUNDINGS if name in values]:
+            raise ValueError(f"sampler_at takes strands alone of what is around the fibre; {others[0]} is for pdf, sample")
         n = validate.number("strands", strands, 0, validate.MAX_STRANDS)
         return FibreSampler(self, self._fibres(fibre, values), n)
 
