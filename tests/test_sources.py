@@ -110,6 +110,8 @@ def test_a_function_that_is_none_is_one_line(function: Callable[..., Any], messa
         (lambda: Tabulated(["a"] * 9, *values()[1:]), "theta_r must be an array of numbers"),
         (lambda: cuticle.Chiang(sigma_a=np.array("x")), "sigma_a must be a number, got array"),
         (lambda: cuticle.Chiang(beta_m=np.ones((9, 9)), sigma_a=1), "beta_m must be a number, got ndarray array"),
+        (lambda: cuticle.audit(BROWN.near(0), lobes=5), "lobes must be a pair, the names and a function"),
+        (lambda: cuticle.audit(BROWN.near(0), strands=3), "strands is for a cuticle.Sampler, got ChiangNear"),
         (
             lambda: cuticle.audit(lambda t, u: np.zeros((len(u), 3)), lambda t, r, p: p),
             "must return theta_i, phi and, optionally, pdf and weight",

@@ -133,6 +133,12 @@ def foreign_sampler(
 ) -> ForeignSampler:
     """Return the sampler that `audit` was given: three functions, an object that has them, or a `Sampler`."""
     validate.integer("dimensions", dimensions, 1, _MAX_DIMENSIONS)
+    if lobes is not None and not (isinstance(lobes, (tuple, list)) and len(lobes) == 2 and callable(lobes[1])):
+        raise TypeError(
+            "lobes must be a pair, the names and a function lobes(theta_i, theta_r, phi); see help(cuticle.audit)"
+        )
+    if strands is not None and not isinstance(sample, Sampler):
+        raise TypeError(f"strands is for a cuticle.Sampler, got {type(sample).__name__}: its own with_strands(n) sets them")
     lobe_names, lobe_densities = lobes if lobes is not None else ((), None)
     draw: Any = sample
     density: Any = pdf

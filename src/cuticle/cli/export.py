@@ -75,10 +75,12 @@ def command(
         refuse_idle(
             ctx, "with --amalgamate, which writes the headers alone", "to", "frame", "name", "with_model", "model", "among"
         )  # fmt: skip
+    elif to is None:
+        raise ValueError(f"--to must say for which host: {', '.join(HOSTS)}")
     if family is not None:
         refuse_idle(ctx, "with --family, which is f and its sampler", "with_model", "model")
-        family_writer(family, to)
-        if to is not None and not host(to).framed:
+        family_writer(family, str(to))
+        if not host(str(to)).framed:
             refuse_idle(ctx, f"with --to {to}", "frame")
     if family != "dual_scattering":
         refuse_idle(ctx, "without --family dual_scattering", "among")
@@ -109,8 +111,7 @@ def command(
         tell.print(_lines_beside(made, name, output), end="", soft_wrap=True, markup=False, highlight=False)
         return
     assert sampler is not None
-    if to is None:
-        raise ValueError(f"--to must say for which host: {', '.join(HOSTS)}")
+    assert to is not None
     validate.choice("--to", to, HOSTS)
     if model is not None and not (with_model or to == "web"):
         raise ValueError("--model says which scattering function to put in: give --with-model, too")

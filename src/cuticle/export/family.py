@@ -24,7 +24,7 @@ def about_family(form: str, among: FamilyAmong | None = None) -> list[str]:
     return lines if among is None else [*lines, f"Among strands of a mean fibre: {among.among!r}."]
 
 
-def family_writer(form: str, to: str | None) -> Callable[[FamilyJob], Export]:
+def family_writer(form: str, to: str) -> Callable[[FamilyJob], Export]:
     """Return what writes a family for a host, or raise ValueError for a family or a host that there is not."""
     validate.choice("family", form, FAMILIES)
     if to not in host_names() or host(to).family is None:  # only then all hosts are imported
