@@ -155,6 +155,35 @@ def test_what_sample_returns_is_what_is_evaluated_there(changed: Callable[..., A
     assert failed(audit(Coloured(changed), theta_r=[0.3, 1.0])) == verdicts
 
 
+class Narrow:
+    """A lobe of von Mises and Fisher, of width 1/√κ, about the mirror image of the viewer, and 30 % everywhere."""
+
+    def __init__(self, kappa: float) -> None:
+        self.kappa = kappa
+
+    def sample(self, theta_r: float, u: np.ndarray) -> tuple[np.ndarray, ...]:
+        some = u[:, 2] < 0.3
+        cos = np.where(some, 2 * u[:, 0] - 1, 1 + np.log1p(-u[:, 0]) / self.kappa)
+        sin, turn = np.sqrt((1 - cos) * (1 + cos)), 2 * np.pi * u[:, 1]
+        axis, up = np.array([np.cos(theta_r), -np.sin(theta_r), 0]), np.array([np.sin(theta_r), np.cos(theta_r), 0])
+        x, y, z = (cos[:, None] * axis + sin[:, None] * (np.cos(turn)[:, None] * up + np.sin(turn)[:, None] * [0, 0, 1])).T
+        return np.arcsin(np.clip(y, -1, 1)), np.arctan2(z, x)
+
+    def pdf(self, theta_i: np.ndarray, theta_r: float, phi: np.ndarray) -> np.ndarray:
+        # 1 - cos of the angle to the axis, without cancellation
+        off = 2 * (np.sin((theta_i + theta_r) / 2) ** 2 + np.cos(theta_i) * np.cos(theta_r) * np.sin(phi / 2) ** 2)
+        return 0.7 * self.kappa / (2 * np.pi) * np.exp(-self.kappa * off) + 0.3 / (4 * np.pi)
+
+
+@pytest.mark.parametrize("kappa", [1e5, 1e6, 1e7, pytest.param(3e7, marks=slow)])
+def test_right_lobes_narrower_than_the_cells_pass(kappa: float) -> None:
+    for seed in (1, 2, 3):
+        report = audit(Narrow(kappa), theta_r=np.radians([-75, 0, 60]), seed=seed)
+        assert report.ok, report
+    wrong, right = Narrow(kappa), Narrow(1.05 * kappa)
+    assert "samples follow the pdf" in failed(audit(right.sample, wrong.pdf, theta_r=np.radians([0, 60])))
+
+
 def test_an_estimate_is_compared_without_a_function_too() -> None:
     half = Hemisphere()
     wrong = audit(lambda t, u: (*half.sample(t, u)[:2], half.sample(t, u)[2] * 1.01), half.pdf, theta_r=[0.3])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,6 +25,8 @@ _LIKE = 36  # cells of like probability along each axis
 _COARSE = (12, 8)  # fewer of those, for differences that are small but everywhere
 _TOLERANCE = 1e-3  # of ∫ pdf over all cells
 _NARROWEST = 1e-5  # radians
+_SHARP = 100.0  # 1/sr: a lobe of such a pdf may be narrower than the cells
+_ACROSS = 1e-9  # radians beyond an edge
 _DOMINANT = 0.04  # a weight's share of the mean's deviation beyond which the mean is not normal
 _COMPARED = 100_000  # samples whose pdf and weight are evaluated again
 NOTHING = 1e-12  # 1/sr: a smaller density counts as 0
@@ -36,7 +39,7 @@ def measure_viewer(
     pilot = sampler.draw(theta_r, _PILOT, rng)
     theta, phi = _Axis.adapted(pilot.theta, np.pi / 2), _Axis.adapted(pilot.phi, np.pi)
     integrand = _Integrand(sampler, theta_r)
-    peaks = pilot.theta, pilot.phi, np.nan_to_num(sampler.density(pilot.theta, theta_r, pilot.phi), posinf=0.0)
+    peaks = _peaks(sampler, pilot, theta_r, theta.edges, phi.edges)
     claimed = _Claimed(integrate(integrand, theta.edges, phi.edges, _TOLERANCE, peaks), integrand.channels)
     cells = CellProbabilities(theta.edges, phi.edges, claimed.pdf, claimed.pdf_error)
     drawn = sampler.draw(theta_r, samples, rng)
@@ -69,6 +72,27 @@ def measure_viewer(
         maps=Maps(theta.edges, phi.edges, counts / n, claimed.pdf), drawn=replace(drawn, weight=again.weights),
         **claimed.quality(),
     )  # fmt: skip
+
+
+def _peaks(sampler: ForeignSampler, pilot: Drawn, theta_r: float, theta: Array, phi: Array) -> tuple[Array, Array, Array]:
+    """Return where the pdf may be large, and its value there: a pilot sample, and what lies across the edges of its cells.
+
+    Of a peak narrower than a cell, what reaches into the next cells lies at their very edge, where the nodes of no rule are,
+    and may have drawn no sample of the pilot.
+    """
+
+    def value(t: Array, p: Array) -> Array:
+        return np.nan_to_num(sampler.density(t, theta_r, p), posinf=0.0) if len(t) else t
+
+    def across(x: Array, edges: Array) -> tuple[Array, Array, Array]:
+        at = cell_index(x, edges)
+        return x, np.maximum(edges[at] - _ACROSS, edges[0]), np.minimum(edges[at + 1] + _ACROSS, edges[-1])
+
+    seen = value(pilot.theta, pilot.phi)
+    sharp = seen > _SHARP
+    pairs = list(product(across(pilot.theta[sharp], theta), across(pilot.phi[sharp], phi)))[1:]
+    t, p = (np.concatenate(x) for x in zip(*pairs, strict=True))
+    return np.append(pilot.theta, t), np.append(pilot.phi, p), np.append(seen, value(t, p))
 
 
 @dataclass(frozen=True)
