@@ -76,3 +76,20 @@ def test_offsets_with_fractions_are_refused() -> None:
 def test_real_answers_are_taken() -> None:
     assert audit(uniform, constant, constant).ok
     assert cuticle.tabulate(Model(np.asarray), 0.1).values.min() >= 0
+
+
+def test_single_precision_reaches_the_ends_of_a_range() -> None:
+    pole = np.array([np.pi / 2], np.float32)  # 4e-8 beyond
+    model = cuticle.Marschner(cuticle.Fibre.preset("brown"))
+    for theta_i, theta_r in ((pole, np.array([0.1])), (np.array([0.1]), pole), (-pole, pole)):
+        f = model.eval(theta_i, theta_r, np.array([1.0]))
+        assert np.all(np.isfinite(f) & (f >= 0))
+    assert cuticle.Chiang(beta_m=np.float32(0.01), sigma_a=1).beta_m == 0.01
+    chiang = cuticle.family("chiang")
+    pdf = [
+        chiang.pdf(0.1, 0.2, 0.3, eta=eta, beta_m=m, sigma_a=1.0)
+        for eta, m in ((np.float32(1.05), np.float32([0.05])), (1.05, [0.05]))
+    ]
+    assert np.allclose(*pdf, rtol=1e-6)
+    with pytest.raises(ValueError, match="eta must lie in .1.05, 3., got 1.0499"):
+        chiang.pdf(0.1, 0.2, 0.3, eta=np.float32(1.0499), sigma_a=1.0)

@@ -28,7 +28,7 @@ def number(
     x = float(value)
     if not (low < x if above else low <= x) or not x <= high:
         end = min((low, high), key=lambda end: abs(x - end))
-        if isinstance(value, np.floating) and not (above and end == low) and abs(x - end) <= _slack(value.dtype, end):
+        if isinstance(value, np.float32) and not (above and end == low) and abs(x - end) <= _slack(value.dtype, end):
             return float(end)
         raise ValueError(_outside(name, x, low, high, unit=unit, remedy=remedy, above=above))
     return x
@@ -128,9 +128,11 @@ def array(
     """Return `value` as a contiguous array of `dtype`, every element in [low, high] ([low, high) with `open_end`)."""
     given = real(name, value)
     x = np.ascontiguousarray(given, dtype=dtype).reshape(given.shape)
-    kinds = [d for d in (given.dtype, x.dtype) if d.kind == "f"]
-    slack = 0.0 if open_end else max(_slack(kind, max(abs(low), abs(high))) for kind in kinds)
+    widened = given.dtype == np.float32 and x.dtype == np.float64
+    slack = 0.0 if open_end else _slack(np.dtype(np.float32) if widened else x.dtype, max(abs(low), abs(high)))
     at = _core.first_outside(x, float(low) - slack, float(high) + slack, open_end)
+    if at < 0 and widened and not open_end:
+        return np.clip(x, low, high)
     if at >= 0:
         place = f" at {name}[{', '.join(map(str, np.unravel_index(at, x.shape)))}]" if x.ndim else ""
         close = ")" if open_end else "]"
