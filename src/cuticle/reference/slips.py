@@ -107,6 +107,32 @@ def path_by(of: Callable[[Any, Array], Array]) -> Change:
     return lambda F: replace(F, path=lambda ray: of(ray, F.path(ray)))
 
 
+def eta_at(inclination: Callable[[Any], Array]) -> Change:
+    """Take eta' at another inclination, and nothing else."""
+
+    def change(F: Formulas) -> Formulas:
+        def seen(q: Any) -> Array:
+            bravais.theta = inclination(q)  # type: ignore[attr-defined]
+            return F.inclination(q)
+
+        def bravais(theta: Array, eta: Array) -> Array:
+            return F.bravais(bravais.theta, eta)  # type: ignore[attr-defined]
+
+        return replace(F, inclination=seen, bravais=bravais)
+
+    return change
+
+
+def grey_absorption(F: Formulas) -> Formulas:
+    """Absorb every channel by the mean of them."""
+
+    def attenuation(p: int, f: Array, t: Array, closed: bool) -> Array:
+        mean = np.exp(np.log(np.maximum(t, 1e-300)).mean(axis=-1, keepdims=True))
+        return F.attenuation(p, f, np.broadcast_to(mean, t.shape), closed)
+
+    return replace(F, attenuation=attenuation)
+
+
 def attenuation_by(lobe: int, of: Callable[[Array, Array, Array], Array]) -> Change:
     """Make another A_p of one lobe, from (right A_p, F, T)."""
     return lambda F: replace(
