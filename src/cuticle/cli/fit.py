@@ -84,10 +84,7 @@ def command(
     summary = fit_summary(result) | {"seconds_in_all": round(whole, 3)}
     with filling(output) as folder:
         result.sampler.save(folder / "sampler.json")
-        beside = []
-        if parameters_of is not None:
-            name, holds = parameters_of
-            beside = [holds.save(folder / name).name]
+        beside = [] if parameters_of is None else [parameters_of[1].save(folder / parameters_of[0]).name]
         write_text(folder / "fit.json", json.dumps(summary, indent=2) + "\n")
     if json_output:
         print(json.dumps(summary, indent=2))

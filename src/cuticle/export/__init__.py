@@ -137,9 +137,11 @@ def export_family(
     """
     write = family_writer(form, to)
     host_frame, name = check_frame(frame), check_name(name, to)
-    if not isinstance(among, FamilyAmong) or form != "dual_scattering":
-        made = make_family(form, among.among if isinstance(among, FamilyAmong) else among)
+    if not isinstance(among, FamilyAmong):
+        made = make_family(form, among)
         among = made if isinstance(made, FamilyAmong) else None
+    elif form != "dual_scattering":
+        make_family(form, among.among)  # which refuses it
     if among is not None and among.channels != 3:
         raise ValueError(f"{to} has three channels, so among must have an absorption for each, got {among.channels}")
     own = form if among is None else among.form
