@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import cuticle
-from command import refused, run
+from command import refused, run, run_program
 from cuticle.checking.compare_audits import compare_audits
 from cuticle.checking.shared_library import LibrarySampler
 from cuticle.export.headers import include_dir
@@ -72,6 +72,17 @@ def library(folder: Path, source: str = SOURCE, language: str = "c", frame: str 
 
 def audited(path: Path, **options: object) -> cuticle.Audit:
     return cuticle.audit_library(path, samples=50_000, theta_r=[-0.5, 0.4], **options)
+
+
+def test_what_a_library_prints_is_not_in_the_commands_output(tmp_path: Path) -> None:
+    source = SOURCE.replace("(void)viewer;", 'printf("%g\\n", viewer[0]);').replace(
+        "<math.h>", "<math.h>\n#include <stdio.h>"
+    )
+    path = library(tmp_path, source)
+    done = run_program("audit", str(path), "--theta-r", "20", "--samples", "10000", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["outcome"] == "pass"
+    assert "0.34202" in done.stderr
 
 
 @pytest.mark.parametrize("frame", FRAMES)

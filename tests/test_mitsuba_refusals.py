@@ -26,7 +26,7 @@ from mitsuba_answers import UseVariant
         ({"fibre": "brown", "betaR": 3.0}, "cuticle has no parameter 'betaR'"),
         ({}, "cuticle needs a fibre"),
         (
-            {"fibre": "brown", "sigma_a": {"type": "uniform", "value": 0.3}, "lobes": 1},
+            {"fibre": "brown", "sigma_a": {"type": "uniform", "value": 0.3}, "lobes": 16},
             "sigma_a as a texture needs a closed form: a Fibre's of the exact formulation or Chiang's",
         ),
         (
@@ -57,8 +57,11 @@ from mitsuba_answers import UseVariant
         ({"fibre": "nowhere.toml"}, "cannot read model nowhere.toml: No such file or directory"),
     ],
 )
-def test_bad_parameters_are_one_line(given: dict[str, Any], message: str, use_variant: UseVariant) -> None:
+def test_bad_parameters_are_one_line_before_any_fit(
+    given: dict[str, Any], message: str, use_variant: UseVariant, monkeypatch: pytest.MonkeyPatch
+) -> None:
     mi = use_variant("scalar_rgb")
+    monkeypatch.setattr("cuticle.fitting.fit.fit", None)
     with pytest.raises(RuntimeError) as caught:
         mi.load_dict({"type": "cuticle", **given})
     text = str(caught.value)

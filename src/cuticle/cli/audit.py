@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -21,7 +22,7 @@ from cuticle.checking.sample_file import Dump, audit_dump
 from cuticle.checking.shared_library import LibrarySampler
 from cuticle.checking.verdicts import EXIT_CODES, LIMITS
 from cuticle.cli.tables import RESULTS, ess_text, table, verdict_table
-from cuticle.cli.terminal import JsonOption, ParametersArgument, out, progress_bar, refuse_idle
+from cuticle.cli.terminal import JsonOption, ParametersArgument, out, prints_to_stderr, progress_bar, refuse_idle
 from cuticle.report.audit_page import write_audit_page
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.bcsdf import with_strands
@@ -127,15 +128,16 @@ def command(
     else:
         options: dict[str, Any] = {"theta_r": angles, "samples": samples, "level": level, "seed": seed}
         options |= {"reciprocity": reciprocity, "energy": energy}
-        loaded = [_load(name, given, _Asked(h, strands, variant, frame)) for name, given in targets]
-        if any(not callable(own.get("eval", getattr(sampler, "eval", None))) for sampler, own, _ in loaded):
-            refuse_idle(ctx, "for a sampler without its scattering function", "reciprocity", "energy")
-        with progress_bar(json_output) as progress:
-            share = 1 / len(loaded)
-            audits = [
-                _noted(audit(sampler, progress=part(progress, i * share, share), **options, **own), note)
-                for i, (sampler, own, note) in enumerate(loaded)
-            ]
+        with prints_to_stderr() if LIBRARY in kinds else nullcontext():
+            loaded = [_load(name, given, _Asked(h, strands, variant, frame)) for name, given in targets]
+            if any(not callable(own.get("eval", getattr(sampler, "eval", None))) for sampler, own, _ in loaded):
+                refuse_idle(ctx, "for a sampler without its scattering function", "reciprocity", "energy")
+            with progress_bar(json_output) as progress:
+                share = 1 / len(loaded)
+                audits = [
+                    _noted(audit(sampler, progress=part(progress, i * share, share), **options, **own), note)
+                    for i, (sampler, own, note) in enumerate(loaded)
+                ]
         made = audits[0] if compare is None else compare_audits(*audits)
     written = [] if output is None else _write(made, output)
     if json_output:

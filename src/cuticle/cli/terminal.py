@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 import io
+import os
 import re
 import sys
 import time
@@ -64,6 +66,20 @@ def refuse_idle(ctx: typer.Context, why: str, *names: str) -> None:
     for parameter in ctx.command.params:
         if parameter.name in names and was_given(ctx, parameter.name):
             raise ValueError(f"{parameter.opts[0]} does nothing {why}: leave it out")
+
+
+@contextmanager
+def prints_to_stderr() -> Iterator[None]:
+    """Send what a library prints by itself to standard error: standard output is the command's own."""
+    sys.stdout.flush()
+    kept = os.dup(1)
+    os.dup2(2, 1)
+    try:
+        yield
+    finally:
+        ctypes.CDLL("ucrtbase" if os.name == "nt" else None).fflush(None)  # what C still holds
+        os.dup2(kept, 1)
+        os.close(kept)
 
 
 LONG = 20.0  # seconds: work that takes longer says so

@@ -103,7 +103,7 @@ def _make_bsdf(props: Any) -> Any:
     if isinstance(scale, (int, float)):
         validate.number("scale", scale, 0, 1e9, remedy="it multiplies the absorption")
     given |= {name: mean_of(name, texture) for name, texture in textures.items()}  # which stands for it
-    material, asked = read_material(given), Parameters(**given)
+    material, asked = read_material(given, textures, scaled=scale is not None), Parameters(**given)
     # Files as they are found now: beside the scene's file, while it is loaded. Another sampling would be another plugin.
     found = {name: path for name in ("fibre", "filename") if (path := getattr(asked, name)) is not None}
     scene = given | found | ({} if material.near else {"sampling": OWN if material.own else asked.sampling or "lobes"})

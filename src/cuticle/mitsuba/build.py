@@ -72,13 +72,6 @@ def build(
     """
     fibre, textures = material.fibre, textures or {}
     closed = isinstance(fibre, (Fibre, Chiang)) and material.among is None
-    if scale is not None and not closed:
-        raise ValueError("scale multiplies a fibre's absorption (a Fibre's, or Chiang's on its own); a table has none")
-    if textures and not material.own:
-        raise ValueError(
-            f"{min(textures)} as a texture needs a closed form: a Fibre's of the exact formulation or Chiang's, and sampling"
-            " function; of any other, tables and lobes are made for numbers"
-        )
     if material.own:
         props = closed_form(material, textures, scale, tables)
     else:

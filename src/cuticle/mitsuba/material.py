@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -54,8 +55,10 @@ class Material(NamedTuple):
     direct_share: float = 0.5
 
 
-def read_material(given: dict[str, Any]) -> Material:
+def read_material(given: dict[str, Any], textures: Collection[str] = (), *, scaled: bool = False) -> Material:
     """Return the scattering function and the samplers that a plugin's parameters describe.
+
+    `textures` are the names of those that are textures, each with a number in `given`; `scaled`, whether there is a `scale`.
 
     Raises
     ------
@@ -76,6 +79,14 @@ def read_material(given: dict[str, Any]) -> Material:
             return Material(single, None, None, own=True, densities=(d_f, d_b), direct_share=asked.direct_share)
         if asked.sampling == OWN:
             raise ValueError(f"sampling {OWN}: {reason}; use lobes")
+    # Before any fit:
+    if scaled and not isinstance(function, (Fibre, Chiang)):
+        raise ValueError("scale multiplies a fibre's absorption (a Fibre's, or Chiang's on its own); a table has none")
+    if textures:
+        raise ValueError(
+            f"{min(textures)} as a texture needs a closed form: a Fibre's of the exact formulation or Chiang's, and sampling"
+            " function; of any other, tables and lobes are made for numbers"
+        )
     return (_of_fibre if isinstance(function, Fibre) else _of_function)(function, asked, loaded)
 
 
