@@ -72,8 +72,10 @@ def submission(inputs: Inputs, f: np.ndarray | None = None, pdf: np.ndarray | No
     f = np.full((n, inputs.channels), np.nan) if f is None else f
     pdf = np.full(n, np.nan) if pdf is None else pdf
     if single:
-        f, pdf = (x.astype(np.float32).astype(float) for x in (f, pdf))
-    return Submission("values", inputs, f, pdf, single, np.arange(1, n + 1))
+        with np.errstate(over="ignore"):
+            f, pdf = (x.astype(np.float32).astype(float) for x in (f, pdf))
+    f = np.where(np.isfinite(f), f, np.nan)  # as a file is read
+    return Submission("values", inputs, f, pdf, {"f": single, "pdf": single}, np.arange(1, n + 1))
 
 
 def planted(inputs: Inputs, slips: tuple[str, ...] = (), *, density: bool = False, single: bool = False) -> Submission:

@@ -339,7 +339,8 @@ def test_hair_inside_another_bsdf_is_refused(wrapped: dict[str, Any], ball: Groo
         mi.render(scene, spp=1)
 
 
-@pytest.mark.parametrize("variant", ["scalar_rgb", pytest.param("llvm_ad_rgb", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("variant", ["scalar_rgb", "llvm_ad_rgb"])
 def test_hair_of_another_scene_does_not_matter(variant: str, ball: Groom, use_variant: UseVariant, tmp_path: Path) -> None:
     """Traced code asks each BSDF of the process, those without tables of other strands, too; rounding aside."""
     mi = use_variant(variant)

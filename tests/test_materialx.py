@@ -150,7 +150,7 @@ def test_the_reference_names_its_slips(program: Path) -> None:
         c["theta_i"], c["theta_r"], psi_r - c["phi"], psi_r,
     ) / np.cos(c["theta_i"])[:, None]  # fmt: skip
     number = np.arange(1, len(inputs) + 1)
-    found = check(Submission("materialx", inputs, theirs, np.full(len(inputs), np.nan), True, number))
+    found = check(Submission("materialx", inputs, theirs, np.full(len(inputs), np.nan), {"f": True, "pdf": True}, number))
     assert not found.ok
     assert set(found.slips) == {"tilt-of-the-light", "rest-half-pi", "widths-clamped", "log-i0-16x", "i0-10-terms"}
     # From where widths stop growing, as docs/reference.md says: v of TRT, v of R, and s are 1.

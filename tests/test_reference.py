@@ -20,8 +20,8 @@ from planted import planted, submission
 
 pytest.importorskip("flint", reason="python-flint is not installed: pip install 'cuticle[reference]'")
 NEAR = draw("chiang", 300, 1, near=True, longitudinal="")
-# Below the tolerance of single precision on any case.
-SMALL = ("log-i0-first-order", "ln2-4-digits")
+# Below the tolerance on any case: of single precision; of a quadrature, at the widest beta_N of cases.
+SMALL = ("log-i0-first-order", "ln2-4-digits", "normal-one-turn")
 
 
 @pytest.mark.parametrize("single", [True, False])
@@ -37,7 +37,38 @@ PLANTED = [s for s in applicable(F, SimpleNamespace(name="f"), True) if s.name n
 @pytest.mark.parametrize("slip", PLANTED, ids=lambda s: s.name)
 def test_a_planted_slip_is_named(slip: Any) -> None:
     found = check(submission(NEAR, evaluate(slip.change(F), NEAR).f, single=True))
-    assert not found.ok
+    assert found.ok == slip.approximation
+    assert found.slips == (slip.name,)
+
+
+OF_DENSITY = [s for s in SLIPS if s.pdf and "chiang" in s.kinds and s.only != "far"]
+
+
+@pytest.mark.parametrize("slip", OF_DENSITY, ids=lambda s: s.name)
+def test_a_planted_slip_of_the_density_is_named(slip: Any) -> None:
+    found = check(submission(NEAR, pdf=evaluate(slip.change(F), NEAR, density=True).pdf, single=True))
+    assert found.ok == slip.approximation
+    assert found.slips == (slip.name,)
+
+
+MARSCHNER = {
+    kind: draw("marschner", 64, 2, near=False, longitudinal=form)
+    for kind, form in (("conserving", "energy_conserving"), ("gaussian", "gaussian"))
+}
+OF_MARSCHNER = [
+    pytest.param(kind, s, id=f"{kind}: {s.name}")
+    for kind in MARSCHNER
+    for s in applicable(formulas_of(MARSCHNER[kind]), SimpleNamespace(name="f"), False)  # type: ignore[arg-type]
+    if "chiang" not in s.kinds and s.name not in SMALL
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "slip"), OF_MARSCHNER)
+def test_a_planted_slip_of_marschners_is_named(kind: str, slip: Any) -> None:
+    cases = MARSCHNER[kind]
+    found = check(submission(cases, evaluate(slip.change(formulas_of(cases)), cases).f, single=True))
+    assert found.ok == slip.approximation
     assert found.slips == (slip.name,)
 
 

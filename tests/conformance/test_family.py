@@ -287,11 +287,21 @@ def test_a_wrong_number_is_caught(to: str, number: str, browser: Any, tmp_path: 
     judge_wrong_ones("chiang", to, {number: with_wrong(made, *WRONG[number][to])}, browser, tmp_path)
 
 
-@pytest.mark.parametrize(("to", "form"), [
-    pytest.param(to, form, marks=() if (to, form) == ("glsl", "among marschner") else pytest.mark.slow)
-    for to in ("cpp", "cuda", *SHADERS) for form in AMONG
+BOTH = ("energy", "variance")
+SHORT = ("glsl", "among marschner")  # of which one number is in `make test`
+
+
+@pytest.mark.parametrize(("to", "form", "numbers"), [
+    (*SHORT, BOTH[:1]),
+    pytest.param(*SHORT, BOTH[1:], marks=pytest.mark.slow),
+    *(
+        pytest.param(to, form, BOTH, marks=pytest.mark.slow)
+        for to in ("cpp", "cuda", *SHADERS) for form in AMONG if (to, form) != SHORT
+    ),
 ])  # fmt: skip
-def test_a_wrong_number_of_the_strands_around_is_caught(form: str, to: str, browser: Any, tmp_path: Path) -> None:
+def test_a_wrong_number_of_the_strands_around_is_caught(
+    form: str, to: str, numbers: tuple[str, ...], browser: Any, tmp_path: Path
+) -> None:
     """An energy through two strands in the tables, and a variance of the mean's in the text."""
     made, tables = exported(form, to), family_of(form).around  # type: ignore[attr-defined]
     variance = singles(tables.variance, "")[0]
@@ -308,4 +318,4 @@ def test_a_wrong_number_of_the_strands_around_is_caught(form: str, to: str, brow
         for right in singles(texels[[first, first + 6], 1], ""):
             wrong["energy"] = with_wrong(wrong["energy"], right, f"{float(right) + 0.1!r}")
     near = np.argsort(np.abs(cases()[:, 7] - 2) + np.abs(cases()[:, 1]))[:400]  # two strands, the middle rows
-    judge_wrong_ones(form, to, wrong, browser, tmp_path, near)
+    judge_wrong_ones(form, to, {n: wrong[n] for n in numbers}, browser, tmp_path, near)

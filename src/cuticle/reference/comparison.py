@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -86,8 +87,6 @@ def check(
     wanted = bool(np.isfinite(given.pdf).any())
     right = evaluate(F, inputs, density=wanted)
     given, notes = _where_a_density_is(given, right) if wanted else (given, [])
-    chosen = precision if precision != "auto" else "single" if given.single else "double"
-    why = "as asked" if precision != "auto" else "no value has over nine digits" if given.single else "by the values' digits"
     note, right = _certified(F, inputs, given, right)
     notes = [note, *notes]
     if given.digits < _DIGITS:
@@ -97,28 +96,41 @@ def check(
     kept = [(n, v) for n, v in columns if np.isfinite(v).any()]
     notes += [f"every value of {name} is 0" for name, v in kept if not np.nan_to_num(v).any()]
     checked = []
+    chosen = {n: precision if precision != "auto" else "single" if given.single[n] else "double" for n, _ in kept}
     for k, (name, v) in enumerate(kept):
-        q = quantity(name, v, F, inputs, right, chosen, tolerance)
+        written = given.written.get(name, 0.0)
+        q, single = (quantity(name, v, F, inputs, right, x, tolerance, written) for x in (chosen[name], "single"))
 
         def part(phase: str, fraction: float, k: int = k) -> None:
             report(phase, 0.1 + 0.9 * (k + fraction) / len(kept))
 
-        checked.append(_check(F, q, given, right, _tolerance_text(inputs, chosen, tolerance), part))
+        checked.append(_check(F, q, given, right, _tolerance_text(inputs, chosen[name], tolerance, written), part))
+        if not checked[-1].ok and precision == "auto" and single.right(predicted(right, q)):
+            notes.append(f"{name} is right in single precision: if that computed it, give --precision single")
     if len(checked) == 2 and checked[0].ok != checked[1].ok:
         notes.append(
             f"{checked[0 if checked[0].ok else 1].name} is right: look at {checked[1 if checked[0].ok else 0].name} alone"
         )
     return Findings(
-        given.name, inputs.about, len(inputs), f"{chosen} ({why})", tuple(checked), given.wrong, tuple(notes)
+        given.name, inputs.about, len(inputs), _precision_text(chosen, precision), tuple(checked), given.wrong, tuple(notes)
     )  # fmt: skip
 
 
-def _tolerance_text(inputs: Inputs, precision: str, tolerance: float | None) -> str:
+def _precision_text(chosen: Mapping[str, str], asked: str) -> str:
+    if len({*chosen.values()}) > 1:
+        return ", ".join(f"{p} of {name}" for name, p in chosen.items()) + " (by the values' digits)"
+    one = next(iter(chosen.values()))
+    why = "as asked" if asked != "auto" else "no value has over nine digits" if one == "single" else "by the values' digits"
+    return f"{one} ({why})"
+
+
+def _tolerance_text(inputs: Inputs, precision: str, tolerance: float | None, written: float) -> str:
+    printed = f", and {written:.0e} as they were printed" if written else ""
     if not inputs.near:
-        return f"{tolerance or AVERAGED:g} of the value and of its mean over azimuth, and rounding in {precision} precision"
-    return (
-        f"{tolerance or FLOORS[precision]:g} of the value, and what rounding in {precision} precision makes of the formulas"
-    )
+        share = f"{tolerance or AVERAGED:g} of the value and of its mean over azimuth"
+        return f"{share}, and rounding in {precision} precision{printed}"
+    share = f"{tolerance or FLOORS[precision]:g} of the value"
+    return f"{share}, and what rounding in {precision} precision makes of the formulas{printed}"
 
 
 def _where_a_density_is(given: Submission, right: Evaluated) -> tuple[Submission, list[str]]:

@@ -176,7 +176,7 @@ def _checked(c: Checked) -> list[str]:
 def _table(title: str, rows: Any) -> list[str]:
     lines = [f"  {title:<44}{'values':>8}{'off':>8}{'worst':>10}  case, given, right"]
     for w in rows:
-        lines.append(f"    {w.name:<42}{w.values:>8,}{_percent(w.outside):>8}{_difference(w):>10}  {w.case}{_of(w)}")
+        lines.append(f"    {w.name:<42}{w.values:>8,}{_percent(w.outside):>8} {_difference(w):>9}  {w.case}{_of(w)}")
     worst = max(rows, key=lambda w: w.outside)
     return [*lines, f"    the inputs of case {worst.case}: {worst.where}"] if title.startswith("by lobe") else lines
 
@@ -192,7 +192,7 @@ def _difference(w: Worst) -> str:
 
 
 def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %" if share < 0.995 or share == 1 else f"{100 * share:.1f} %"
+    return "100 %" if share == 1 else f"{100 * share:.1f} %" if share >= 0.995 else f"{100 * share:.2g} %"
 
 
 def _explained(c: Checked) -> list[str]:
@@ -236,7 +236,7 @@ def _unexplained(c: Checked) -> list[str]:
         lines.append(
             f"    nearest: {best.name}, which leaves {_percent(best.outside)} off (median difference {best.median:.2g})"
         )
-        lines += _slips(best)
+        lines += [f"      {s.name}: {s.meaning}" for s in best.slips]
     if c.leads is None:
         return lines
     on_top = " on top of that" if best.slips else ""
@@ -248,8 +248,7 @@ def _unexplained(c: Checked) -> list[str]:
     if c.leads.lobes:
         lines.append(f"    by lobe{on_top}:")
         lines += [f"      {text}" for text in c.leads.lobes]
-    if c.leads.inputs:
-        lines.append(f"    the differences grow with: {', '.join(c.leads.inputs)}")
+    lines += [f"    {text}" for text in c.leads.inputs]
     return lines
 
 

@@ -107,9 +107,11 @@ class Formulas:
     azimuth: Callable[[int, Any], Array] = lambda p, ray: 2 * p * ray.gamma_t - 2 * ray.gamma_i + p * np.pi
     wrap: Callable[[Array], Array] = lambda x: x - 2 * np.pi * np.rint(x / (2 * np.pi))
     rest_density: float = 1 / (2 * np.pi)
+    rest_azimuth: int | None = None  # p of the phi_p that the orders past TRT lie about; None: evenly
     offset_weight: Callable[[Array], Array] = lambda gamma: np.cos(gamma) / 2
     finish: Callable[[Any, Array], Array] = unchanged
     pdf_weights: Callable[[int], Array] = luminance_weights
+    chosen_by: Callable[[Array], Array] | None = None  # in their place, of A_p (…, channels), at one h
     finish_pdf: Callable[[Any, Array], Array] = unchanged
     back: Any = None  # dual scattering: the formulas of among_strands.py
 
@@ -200,14 +202,22 @@ def _rows(F: Formulas, inputs: Inputs, panels: int) -> Evaluated:
     around, parts, mean = [], [], np.zeros((len(inputs), inputs.channels))
     pdf, whole = np.zeros((len(inputs), 1)), np.zeros((len(inputs), 1))
     for p, m in enumerate(along(F, q)):
-        n = F.rest_density * np.ones_like(ray.gamma_t) if p == 3 else F.density(F.wrap(q.phi - F.azimuth(p, ray)), scale)
+        about = F.rest_azimuth if p == 3 else p
+        even = F.rest_density * np.ones_like(ray.gamma_t)
+        n = even if about is None else F.density(F.wrap(q.phi - F.azimuth(about, ray)), scale)
         around.append(((n * weight)[..., None] * energies[p]).sum(axis=1))
         parts.append(m * around[-1])
         light = (weight[..., None] * energies[p]).sum(axis=1)
-        pdf, whole = pdf + (parts[-1] @ lum)[:, None] * np.cos(q.theta_i), whole + (light @ lum)[:, None]
+        if F.chosen_by is None:
+            drawn, share = (parts[-1] @ lum)[:, None], (light @ lum)[:, None]
+        else:
+            share = F.chosen_by(energies[p])
+            drawn = m * n * share
+        pdf, whole = pdf + drawn * np.cos(q.theta_i), whole + share
         mean = mean + light * m / (2 * np.pi)
     stacked = np.stack(parts, axis=1)
     f = F.finish(q, stacked.sum(axis=1))
+    q.whole = whole
     density = F.finish_pdf(q, pdf / whole)[:, 0] if F.normalised else np.full(len(inputs), np.nan)
     return Evaluated(stacked, f, density, np.stack(around, axis=1), mean)
 

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from itertools import combinations, product
+from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from cuticle.reference.among_strands import BACK_TIMES
-from cuticle.reference.cases import Inputs
+from cuticle.reference.cases import ANGLES, LIMITS, PARAMETERS, Inputs
 from cuticle.reference.formulas import ROUGHLY, Evaluated, Formulas
 from cuticle.reference.models import evaluate
 from cuticle.reference.search import predicted, value_of
 from cuticle.reference.slips import attenuation_by
 from cuticle.reference.tolerance import EXPLAINED, Quantity
 from cuticle.reference.variants import ROOT, SCALE, polynomial, variants
+from cuticle.reference.where_off import where_they_lie, which_are_off
 
 Array = NDArray[np.float64]
 _GRID = np.unique(np.concatenate([2.0 ** np.linspace(-3.5, 3.5, 29), -(2.0 ** np.linspace(-2, 2, 9)), [0.0]]))
@@ -35,8 +35,8 @@ _CONSTANTS = {
 }  # fmt: skip
 _FAR_ROWS = 40
 _POSITIVE = ("the variance", "every variance", "the scale", "η′", "eta", "beta", "sigma_a")  # no other number has a meaning
-_COARSE_AT_MOST = 0.5  # ln of what a coarse quadrature is off by, for three values in four
-_WITHOUT = 1e-5  # a lobe's share below which a value does without it
+_HELPS = 0.9  # of the values off: what a change must leave at most to be named
+_CONSTANT = {f"{name} of every case": name for names in PARAMETERS.values() for name in names}
 Change = tuple[Formulas, Inputs]
 
 
@@ -51,7 +51,7 @@ class Clue:
 
 @dataclass(frozen=True)
 class Leads:
-    """Where to look: changes that would help, best first; lobes that are off; inputs that the differences go with."""
+    """Where to look: changes that would help, best first; channels and lobes that are off; where among the inputs."""
 
     clues: tuple[Clue, ...]
     lobes: tuple[str, ...]
@@ -77,28 +77,11 @@ def leads(F: Formulas, quantity: Quantity, inputs: Inputs, progress: Callable[[f
     for k, (words, make) in enumerate(every):
         tried.append(_fitted(words, make, F, quantity, inputs))
         progress((k + 1) / len(every))
-    best = sorted((c for c in tried if c.score < 0.8 * before), key=lambda c: c.score)
+    outside = quantity.outside(predicted(e, quantity))
+    useful = (c for c in tried if c.score < 0.8 * before and c.outside < _HELPS * outside)
+    best = sorted(useful, key=lambda c: c.score)
     kept = [c for c in best if c.score <= 2 * best[0].score + 0.05][:5]
-    off = quantity.off(predicted(e, quantity))
-    grows = _correlations(quantity, inputs, predicted(e, quantity))
-    found = Leads(tuple(kept), _lobes(F, quantity, e, off), grows)
-    coarse = quantity.averaged and not found.explain and _both_signs(quantity, predicted(e, quantity))
-    return replace(found, lobes=(*found.lobes, _COARSENESS)) if coarse else found
-
-
-_COARSENESS = (
-    "the differences have both signs and almost no mean: a quadrature over h, or a table, that is too coarse looks so"
-)
-
-
-def _both_signs(quantity: Quantity, value: Array) -> bool:
-    with np.errstate(all="ignore"):
-        ratio = np.log(quantity.given / value)
-    ratio = ratio[np.isfinite(ratio)]
-    if ratio.size < 20 or not 0.25 < (ratio > 0).mean() < 0.75:
-        return False
-    size = np.abs(ratio)
-    return bool(abs(np.median(ratio)) < 0.15 * size.mean() and np.quantile(size, 0.75) < _COARSE_AT_MOST)
+    return Leads(tuple(kept), which_are_off(F, quantity, e), where_they_lie(F, quantity, inputs, e))
 
 
 def constant(k: float) -> str:
@@ -118,7 +101,11 @@ def _fitted(words: str, make: Any, F: Formulas, quantity: Quantity, inputs: Inpu
         p = value_of(make, inputs, quantity, ROUGHLY)
         return Clue(words, quantity.outside(p), quantity.score(p))
     grid = _GRID if inputs.near else _COARSE
-    grid = grid[grid > 0] if words.startswith(_POSITIVE) else grid
+    if words in _CONSTANT:
+        low, high, _ = LIMITS[_CONSTANT[words]]
+        grid = np.linspace(max(low, -20), min(high, 20), 25 if inputs.near else 13)
+    elif words.startswith(_POSITIVE):
+        grid = grid[grid > 0]
     scores = [quantity.score(value(k)) for k in grid]
     i = int(np.argmin(scores))
     low, high, best = grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)], (scores[i], float(grid[i]))
@@ -129,7 +116,7 @@ def _fitted(words: str, make: Any, F: Formulas, quantity: Quantity, inputs: Inpu
         best = min(best, (sa, float(a)), (sb, float(b)))
         low, high = (low, b) if sa < sb else (a, high)
     p = value(best[1])
-    return Clue(f"{words} × {constant(best[1])}", quantity.outside(p), quantity.score(p))
+    return Clue(f"{words} {'=' if words in _CONSTANT else '×'} {constant(best[1])}", quantity.outside(p), quantity.score(p))
 
 
 def _one_number(F: Formulas, inputs: Inputs) -> Iterator[tuple[str, Callable[[float], Change]]]:
@@ -138,8 +125,11 @@ def _one_number(F: Formulas, inputs: Inputs) -> Iterator[tuple[str, Callable[[fl
             yield words, _back_times(F, inputs, change)
         return
     for name in inputs.columns:
-        if name not in ("theta_i", "theta_r", "phi", "h"):
+        if name not in (*ANGLES, "h"):
             yield name, _input_times(F, inputs, name)
+    for words, name in _CONSTANT.items():
+        if name in inputs.columns:
+            yield words, _input_of(F, inputs, name)
     yield "sigma_a", lambda k: (F, replace(inputs, sigma_a=np.maximum(inputs.sigma_a * k, 0)))
     yield "the scale of D", lambda k: (replace(F, scale=lambda q: F.scale(q) * max(k, 1e-3)), inputs)
     yield "every variance of M", _lobes_times(F, inputs, "variances", None)
@@ -160,6 +150,11 @@ def _back_times(F: Formulas, inputs: Inputs, change: Callable[[Any, float], Any]
 
 def _input_times(F: Formulas, inputs: Inputs, name: str) -> Callable[[float], Change]:
     return lambda k: (F, _scaled(inputs, name, k))
+
+
+def _input_of(F: Formulas, inputs: Inputs, name: str) -> Callable[[float], Change]:
+    columns = inputs.columns
+    return lambda k: (F, replace(inputs, columns={**columns, name: np.full(len(inputs), k)}))
 
 
 def _lobes_times(F: Formulas, inputs: Inputs, what: str, lobe: int | None) -> Callable[[float], Change]:
@@ -218,7 +213,8 @@ def _powers(F: Formulas, quantity: Quantity, inputs: Inputs, e: Evaluated) -> li
         with np.errstate(all="ignore"):
             ratio = quantity.given / (value * factor)
         usual = ratio[np.isfinite(ratio) & (value > 0)]
-        for k in {1.0, float(np.median(usual)) if usual.size else 1.0}:
+        median = float(np.median(usual)) if usual.size else 1.0
+        for k in {1.0, 1.0 if abs(median - 1) < 1e-4 else median}:
             if k == 0 or (not any(powers) and k == 1):
                 continue
             names = ("cos θ_i", "cos θ_r", "cos θ_d", "cos θ_h")
@@ -248,51 +244,3 @@ def _lobe_factors(F: Formulas, quantity: Quantity, inputs: Inputs, e: Evaluated)
     changed = [(lobe, k) for lobe, k in zip(F.names, factors, strict=True) if k != 1]
     words = ", ".join(f"{lobe} × {constant(k)}" if k else f"{lobe} is missing" for lobe, k in changed)
     return [Clue(words, quantity.outside(p), quantity.score(p))]
-
-
-def _lobes(F: Formulas, quantity: Quantity, e: Evaluated, off: Array) -> tuple[str, ...]:
-    """Say which lobes are wrong: the fewest without which the values are right. Then what each lobe is off by."""
-    share = e.parts / np.maximum(e.parts.sum(axis=1, keepdims=True), 1e-300)
-    if quantity.name == "pdf":
-        share = share.mean(axis=2, keepdims=True)
-    found, names = [], range(len(F.names))
-    for some in (c for size in (1, 2) for c in combinations(names, size)):
-        rest = [p for p in names if p not in some]
-        seen = share[:, some].sum(axis=1) < _WITHOUT
-        groups = [off[seen], *(off[seen & (share[:, p] > 0.5)] for p in rest), *(off[share[:, p] > 0.99] for p in rest)]
-        groups = [g[~np.isnan(g)] for g in groups]
-        if groups[0].size >= 20 and all(g.size >= 5 and (g > 1).mean() < 0.01 for g in groups):
-            which = " or ".join(F.names[p] for p in some)
-            found = [f"the error is in {which}: {groups[0].size} values without it are right"]
-            break
-    value = predicted(e, quantity)
-    for p, lobe in enumerate(F.names):
-        mine = share[:, p] > 0.99
-        known = off[mine & ~np.isnan(off)]
-        if known.size < 5:
-            continue
-        with np.errstate(all="ignore"):
-            middle = np.nanmedian((quantity.given / value)[mine])
-        found.append(
-            f"{lobe}: of {known.size} values that are its own, {100 * (known > 1).mean():.0f} % are off, in the median"
-            f" {f'by {100 * (middle - 1):+.2g} %' if abs(middle - 1) < 1 else f'× {middle:.3g}'}"
-        )
-    return tuple(found)
-
-
-def _correlations(quantity: Quantity, inputs: Inputs, value: Array) -> tuple[str, ...]:
-    """Name the inputs that the size of the differences goes with."""
-    with np.errstate(all="ignore"):
-        size = np.nanmean(np.abs(np.log(np.abs(quantity.given / value))), axis=1)
-    use = np.isfinite(size)
-    if use.sum() < 20 or np.ptp(size[use]) == 0:
-        return ()
-    columns: Mapping[str, Array] = {**inputs.columns, "sigma_a": inputs.sigma_a.mean(axis=1)}
-    every: dict[str, Array] = {}
-    for name, x in columns.items():
-        every[name] = x
-        if x.min() < 0:
-            every[f"|{name}|"] = np.abs(x)
-    rank = {n: float(stats.spearmanr(x[use], size[use]).statistic) for n, x in every.items() if np.ptp(x[use]) > 0}
-    top = sorted((n for n in rank if abs(rank[n]) > 0.25), key=lambda n: -abs(rank[n]))[:4]
-    return tuple(f"{n} (rank correlation {rank[n]:+.2f})" for n in top)

@@ -84,6 +84,38 @@ def variances_times(*factors: float) -> Change:
     )
 
 
+def tilted_cosine(of: Callable[[Any, Array], Array]) -> Change:
+    """Give M another cosine beside the sine of the tilted axis, from (inputs, the axis)."""
+
+    def longitudinal(F: Formulas, q: Any, theta: Array, cone: Array, v: Array) -> Array:
+        x = np.cos(theta) * of(q, cone) / v
+        return np.asarray(np.exp(np.sin(theta) * np.sin(cone) / v + F.log_i0(x) + F.log_csch(v)))
+
+    return having(longitudinal=longitudinal)
+
+
+def gaussian_at(of: Callable[[Any, Array], tuple[Array, Any]]) -> Change:
+    """Give the normal another variance and a factor, from (inputs, variance)."""
+
+    def change(F: Formulas) -> Formulas:
+        def longitudinal(G: Formulas, q: Any, theta: Array, cone: Array, v: Array) -> Array:
+            variance, factor = of(q, v)
+            return F.longitudinal(G, q, theta, cone, variance) * factor
+
+        return replace(F, longitudinal=longitudinal)
+
+    return change
+
+
+def directions_exchanged(F: Formulas) -> Formulas:
+    """Evaluate the function with the viewer in the light's place and the light in the viewer's."""
+    return replace(
+        F, inclination=lambda q: q.theta_i, sides=lambda q, tilt: (q.theta_r, tilt - q.theta_i),
+        azimuth=lambda p, ray: -F.azimuth(p, ray),
+        finish=lambda q, f: F.finish(q, f) * cosine_i(q) / np.cos(q.theta_r),
+    )  # fmt: skip
+
+
 def clamped_widths(F: Formulas) -> Formulas:
     """Clamp to .001 and 1 what is not a roughness: variances, and the logistic's s, whose scale is √(π/8) s."""
     return replace(
@@ -203,6 +235,12 @@ def one_polarisation(cosine: Array, eta: Array) -> Array:
     return np.asarray(((cosine - inner) / (cosine + inner)) ** 2)
 
 
+def other_polarisation(cosine: Array, eta: Array) -> Array:
+    """Return Fresnel's term of p-polarised light."""
+    inner = np.sqrt(eta**2 - 1 + cosine**2)
+    return np.asarray(((eta**2 * cosine - inner) / (eta**2 * cosine + inner)) ** 2)
+
+
 def from_inside(cosine: Array, eta: Array) -> Array:
     """Return Fresnel's term for light that comes from inside."""
     inner = np.sqrt(np.maximum(1 / eta**2 - 1 + cosine**2, 0))
@@ -228,6 +266,17 @@ def bravais_fresnel(F: Formulas) -> Formulas:
         return np.asarray(np.cos(ray.gamma_i))
 
     return replace(F, fresnel=fresnel, fresnel_cosine=cosine)
+
+
+def cubic_azimuth(p: int, ray: Any) -> Array:
+    """Return Marschner's cubic of gamma_i for phi_p."""
+    c = np.arcsin(1 / ray.eta_prime)
+    return np.asarray((6 * p * c / np.pi - 2) * ray.gamma_i - 8 * p * c / np.pi**3 * ray.gamma_i**3 + p * np.pi)
+
+
+def wrapped_by(turns: Callable[[Array], Array]) -> Change:
+    """Take turns off an angle, from how many it is past ±pi: the right number is that rounded."""
+    return having(wrap=lambda x: x - 2 * np.pi * turns(x / (2 * np.pi)))
 
 
 def swapped_angles(F: Formulas) -> Formulas:

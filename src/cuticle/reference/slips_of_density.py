@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cuticle.reference.slips import Slip, cosine_i, having, pdf_times
+from cuticle.reference.slips import CONSERVING, Slip, cosine_i, having, pdf_times
 from cuticle.scattering.bcsdf import luminance_weights
 
 DENSITY = (
@@ -35,6 +35,24 @@ DENSITY = (
     Slip("pdf-green", "pdf weights", "lobes are chosen by the second channel",
          "luminance of A_p", "A_p of the second channel",
          having(pdf_weights=lambda n: np.eye(n)[min(1, n - 1)]), pdf=True),
+    Slip("pdf-red", "pdf weights", "lobes are chosen by the first channel",
+         "luminance of A_p", "A_p of the first channel",
+         having(pdf_weights=lambda n: np.eye(n)[0]), pdf=True),
+    Slip("pdf-blue", "pdf weights", "lobes are chosen by the last channel",
+         "luminance of A_p", "A_p of the last channel",
+         having(pdf_weights=lambda n: np.eye(n)[-1]), pdf=True),
+    Slip("pdf-largest-channel", "pdf weights", "lobes are chosen by the largest channel (a choice)",
+         "luminance of A_p", "max over channels of A_p",
+         having(chosen_by=lambda a: a.max(axis=-1)), CONSERVING, pdf=True, approximation=True, only="near"),
+    Slip("pdf-equal-lobes", "pdf weights", "every lobe is chosen as often (a choice)",
+         "luminance of A_p", "the same for every p",
+         having(chosen_by=lambda a: np.ones(a.shape[:-1])), CONSERVING, pdf=True, approximation=True, only="near"),
+    Slip("pdf-unnormalised", "pdf factor", "the lobes' energies are not divided by their sum",
+         "Σ A_p M_p N_p/Σ A_p", "Σ A_p M_p N_p",
+         pdf_times(lambda q: q.whole), CONSERVING, pdf=True),
+    Slip("pdf-uniform", "pdf factor", "the density is that of the uniform sphere",
+         "p", "1/(4π)",
+         lambda F: replace(F, finish_pdf=lambda q, p: 0 * p + 0.25 / np.pi), pdf=True),
     Slip("pdf-channels-reversed", "pdf weights", "red and blue are exchanged in the luminance",
          ".2126, .7152, .0722", ".0722, .7152, .2126",
          having(pdf_weights=lambda n: luminance_weights(n)[::-1]), pdf=True),

@@ -100,9 +100,10 @@ class Quantity:
 
 
 def quantity(
-    name: str, given: Array, F: Formulas, inputs: Inputs, right: Evaluated, precision: str, tolerance: float | None
-) -> Quantity:
-    """Return the quantity with its tolerances."""
+    name: str, given: Array, F: Formulas, inputs: Inputs, right: Evaluated, precision: str, tolerance: float | None,
+    written: float = 0.0,
+) -> Quantity:  # fmt: skip
+    """Return the quantity with its tolerances; `written`: by how much a value may be off as it was printed."""
     averaged = not inputs.near
     floor = tolerance if tolerance is not None else AVERAGED if averaged else FLOORS[precision]
     relative = floor + _EPS[precision] * _conditioning(F, inputs, right)
@@ -111,14 +112,14 @@ def quantity(
         whole = right.f @ luminance_weights(inputs.channels)
         with np.errstate(all="ignore"):
             mean = np.nan_to_num((mean @ luminance_weights(inputs.channels)) * right.pdf / whole)[:, None]
-    return Quantity(name, given, relative, mean, _TINY[precision], averaged)
+    return Quantity(name, given, relative, mean, max(_TINY[precision], written), averaged)
 
 
 def _conditioning(F: Formulas, inputs: Inputs, right: Evaluated) -> Array:
     """Return by how much the formulas as printed may enlarge a rounding error, (n, 1): a sum over what they subtract.
 
     exp(… 1/v) loses the digits of 1/v, D((φ - φ_p)/s) those of 2π/s, exp(-σ_a …) those of the depth, 1 - F those of F near
-    1, a cosine near a pole those of π/2. Lobes count by their share of f.
+    1, √(1 - sin²θ) near a pole those of 1. Lobes count by their share of f.
     """
     q = arguments(inputs)
     if not q.near:
@@ -128,9 +129,11 @@ def _conditioning(F: Formulas, inputs: Inputs, right: Evaluated) -> Array:
         del energies
         parts = right.parts @ luminance_weights(inputs.channels)
         share = np.nan_to_num(parts / parts.sum(axis=1, keepdims=True), nan=1.0)
-        total = 20 + np.abs(np.tan(q.theta_i)) + np.abs(np.tan(q.theta_r)) + 20 * np.pi / F.scale(q)
+        i, r = (np.tan(x) ** 2 for x in (q.theta_i, q.theta_r))
+        total = 20 + i + r + 20 * np.pi / F.scale(q)
+        cosines = np.cos(q.theta_i) * np.cos(q.theta_r) * (i + r)
         depth = (F.path(ray)[..., None] * q.sigma_a).max(axis=-1)
         for p, v in enumerate(F.variances(q)):
             inner = 2 / np.maximum(1 - ray.fresnel, 1e-7) + 4 * p * depth if p else 0.0
-            total = total + share[:, p : p + 1] * (4 / v + inner)
+            total = total + share[:, p : p + 1] * ((4 + cosines) / v + inner)
     return np.asarray(np.minimum(total, 1e7))

@@ -7,8 +7,8 @@ import io
 import math
 import os
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -44,23 +44,26 @@ class Submission(Value):
     pdf
         The density in 1/sr, (n,).
     single
-        Whether the values are those of single precision: at most nine digits each, or floats exactly.
+        Whether the values of "f" and of "pdf" are those of single precision: at most nine digits each, or floats exactly.
     rows
         What each case is called: the number in the file's column `case`, or its row.
     wrong
         Values that are no numbers (nan, inf), by row.
     digits
         That a quarter of the values have at most, leading zeros aside.
+    written
+        By how much the values of "f" and of "pdf" may be off as they were printed, where all have as many decimals.
     """
 
     name: str
     inputs: Inputs
     f: Array
     pdf: Array
-    single: bool
+    single: Mapping[str, bool]
     rows: NDArray[np.int64]
     wrong: tuple[str, ...] = ()
     digits: int = 17
+    written: Mapping[str, float] = field(default_factory=dict)
 
 
 def header(inputs: Inputs, seed: int) -> list[str]:
@@ -140,6 +143,8 @@ def read(
         One line: which row and column, what was found, and what it needs.
     """
     with reading(path, "values"):
+        if Path(path).suffix.lower() in (".gz", ".zip", ".xz"):
+            raise ValueError(f"{path} is packed: unpack it first")
         if Path(path).suffix.lower() in (".dat", ".bin"):
             if cases is not None or model not in (None, "chiang"):
                 raise ValueError(
@@ -163,6 +168,8 @@ class _Table:
         if len(kept) < 2:
             raise ValueError(f"{path} holds no rows of values; it needs a row of names and then numbers")
         parsed = list(csv.reader(line for _, line in kept))
+        if len(parsed) != len(kept):
+            raise ValueError(f"{path} has a cell of several lines, in quotation marks; a row must be one line")
         self.names = [name.strip() for name in parsed[0]]
         other = next((c for c in ";\t" if c in kept[0][1] and "," not in kept[0][1]), None)
         if other is not None:
@@ -191,10 +198,16 @@ def number(cell: str) -> float:
     """Return a cell's number; of C's printf("%f"), too, which writes what is none as -nan or -nan(ind)."""
     if "_" in cell:  # a number to Python alone
         raise ValueError(cell)
-    return math.nan if re.fullmatch(r"[-+]?nan(\(\w*\))?", cell, re.IGNORECASE) else float(cell)
+    if re.fullmatch(r"[-+]?1\.#INF0*", cell, re.IGNORECASE):  # Microsoft's, before 2015
+        return math.inf
+    none = r"[-+]?(nan(\(\w*\))?|1\.#(IND|QNAN|SNAN)0*)"
+    return math.nan if re.fullmatch(none, cell, re.IGNORECASE) else float(cell)
 
 
 def _submission(table: _Table, source: _Table, model: str | None, name: str, joined: bool) -> Submission:
+    for key, value in table.said.items():
+        if value != source.said.get(key, value):
+            raise ValueError(f"{table.path} says {key}: {value}, but {source.path} {key}: {source.said[key]}")
     said = source.said.get("model", model)
     if model is None and said is None:
         said = _told_by(source.names)
@@ -202,6 +215,7 @@ def _submission(table: _Table, source: _Table, model: str | None, name: str, joi
     longitudinal = source.said.get("longitudinal", "gaussian" if model == "dual_scattering" else LONGITUDINAL[0])
     validate.choice("longitudinal", longitudinal, LONGITUDINAL)
     inputs = _inputs(source, model, longitudinal)
+    _refuse_unread(table)
     given = [v for v in VALUES if v in table.names and any(table.cells[v])]
     if not given:
         raise ValueError(
@@ -218,20 +232,47 @@ def _submission(table: _Table, source: _Table, model: str | None, name: str, joi
             raise ValueError(f"{name}: case {missing} is not in {source.path}, which has {len(known)} cases")
         order = np.array([known[int(c)] for c in labels])
         inputs = inputs.take(order)
+        _refuse_other_cases(table, source, inputs, labels)
     if len(order) < LEAST_ROWS:
         raise ValueError(f"{name} has {len(order)} rows; a check needs at least {LEAST_ROWS}")
     names = ["f"] if inputs.channels == 1 else list(SIGMAS)
     names = [n.replace("sigma_a", "f") for n in names]
     f = np.column_stack([table.numbers(n, blank=True) if n in given else np.full(len(order), np.nan) for n in names])
     pdf = table.numbers("pdf", blank=True) if "pdf" in given else np.full(len(order), np.nan)
-    cells = [table.cells[n] for n in given]
     wrong = [
         f"{n} is {cell} in case {label}" for n in given for cell, label in zip(table.cells[n], labels, strict=True)
         if cell and not math.isfinite(number(cell))
     ]  # fmt: skip
     f[~np.isfinite(f)], pdf[~np.isfinite(pdf)] = np.nan, np.nan
-    single, digits = _precision(cells)
-    return Submission(name, inputs, f, pdf, single, labels, tuple(wrong), digits)
+    cells = {"f": [c for n in given if n != "pdf" for c in table.cells[n]], "pdf": table.cells.get("pdf", [])}
+    cells = {q: [c for c in cells[q] if c and math.isfinite(number(c))] for q in cells}
+    every = sorted(d for column in cells.values() for d in _digits(column))
+    return Submission(
+        name, inputs, f, pdf, {q: _is_single(c) for q, c in cells.items()}, labels, tuple(wrong),
+        every[len(every) // 4] if every else 17, {q: _written(c) for q, c in cells.items()},
+    )  # fmt: skip
+
+
+def _refuse_unread(table: _Table) -> None:
+    """Refuse columns whose names are nearly those of values: they would not be looked at."""
+    alike = r"(f|b(c)?sdf)[^a-z0-9]*([rgbxyz012]|red|green|blue)?|pdf"
+    unread = [n for n in table.names if n not in VALUES and re.fullmatch(alike, n, re.IGNORECASE) and any(table.cells[n])]
+    if unread:
+        raise ValueError(f"{table.path} has a column {unread[0]!r}: name the values {', '.join(VALUES)}")
+
+
+def _refuse_other_cases(table: _Table, source: _Table, inputs: Inputs, labels: NDArray[np.int64]) -> None:
+    """Refuse values that say themselves that they are of other cases."""
+    known = {**inputs.columns, **dict(zip(SIGMAS, inputs.sigma_a.T, strict=False))}
+    for name in known.keys() & {*table.names}:
+        own = table.numbers(name, blank=True)
+        other = np.flatnonzero(np.abs(own - known[name]) > 1e-5 * (1 + np.abs(known[name])))
+        if other.size:
+            k = other[0]
+            raise ValueError(
+                f"{table.path}, line {table.lines[k]}: {name} is {own[k]:g}, but {known[name][k]:g} in case {labels[k]} of"
+                f" {source.path}: these are values of other cases"
+            )
 
 
 def _told_by(names: Sequence[str]) -> str:
@@ -277,16 +318,24 @@ def _inputs(table: _Table, model: str, longitudinal: str) -> Inputs:
     return Inputs(model, longitudinal, columns, sigma_a)
 
 
-def _precision(columns: Sequence[Sequence[str]]) -> tuple[bool, int]:
-    """Return whether all numbers have at most nine digits, or are floats to the last of theirs; and `Submission.digits`."""
-    cells = [c for column in columns for c in column if c and math.isfinite(number(c))]
-    digits = sorted(len(re.sub(r"[eE].*|[-+.]", "", c).lstrip("0")) for c in cells if float(c))
-    few = digits[len(digits) // 4] if digits else 17
-    if not digits or digits[-1] <= _SINGLE_DIGITS:
-        return True, few
+def _digits(cells: Sequence[str]) -> list[int]:
+    """Return how many digits each number has, leading zeros aside."""
+    return [len(re.sub(r"[eE].*|[-+.]", "", c).lstrip("0")) for c in cells if float(c)]
+
+
+def _is_single(cells: Sequence[str]) -> bool:
+    """Whether all numbers have at most nine digits, or are floats to the last of theirs."""
+    if max(_digits(cells), default=0) <= _SINGLE_DIGITS:
+        return True
     x = np.array(cells, float)
     with np.errstate(over="ignore"):
-        return bool(np.all(x == x.astype(np.float32))), few
+        return bool(np.all(x == x.astype(np.float32)))
+
+
+def _written(cells: Sequence[str]) -> float:
+    """Return half a unit of the last decimal, where all numbers have as many and no exponent; else 0."""
+    decimals = {len(c.partition(".")[2]) if re.fullmatch(r"[-+]?\d*\.\d+", c) else 0 for c in cells}
+    return 0.5 * 10.0 ** -decimals.pop() if len(decimals) == 1 and 0 not in decimals else 0.0
 
 
 def _read_falcor(path: str | os.PathLike[str]) -> Submission:
@@ -300,11 +349,12 @@ def _read_falcor(path: str | os.PathLike[str]) -> Submission:
         raise ValueError(
             f"{path} has {len(data):,} bytes; Falcor's layout has {_FALCOR} columns of float32, one after another"
         )
-    c = np.frombuffer(data, "<f4").reshape(_FALCOR, -1).astype(np.float64)
-    if not np.isfinite(c).all() or c.shape[1] < LEAST_ROWS:
-        raise ValueError(
-            f"{path} holds {c.shape[1]} rows, {int((~np.isfinite(c)).sum())} values no numbers; it needs {LEAST_ROWS}"
-        )
+    with np.errstate(invalid="ignore"):
+        c = np.frombuffer(data, "<f4").reshape(_FALCOR, -1).astype(np.float64)
+    if not np.isfinite(c).all():
+        raise ValueError(f"{path} holds {int((~np.isfinite(c)).sum())} values that are no numbers; is it Falcor's layout?")
+    if c.shape[1] < LEAST_ROWS:
+        raise ValueError(f"{path} holds {c.shape[1]} rows; it needs {LEAST_ROWS}")
     m, n, alpha, eta, r, g, b, h = c[:8]
     for label, x in (("beta_m", m), ("beta_n", n), ("eta", eta), ("h", h)):
         low, high, _ = LIMITS[label]
@@ -322,6 +372,7 @@ def _read_falcor(path: str | os.PathLike[str]) -> Submission:
     f = (c[14:] / np.cos(theta_i)).T
     count = c.shape[1]
     return Submission(
-        str(path), Inputs("chiang", "", columns, np.stack([r, g, b], axis=1)), f, np.full(count, np.nan), True,
+        str(path), Inputs("chiang", "", columns, np.stack([r, g, b], axis=1)), f, np.full(count, np.nan),
+        {"f": True, "pdf": True},
         np.arange(1, count + 1),
     )  # fmt: skip

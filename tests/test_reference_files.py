@@ -1,0 +1,97 @@
+"""Files of values as others write them: precision and digits, columns that are not read, values of other cases."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from command import refused
+from cuticle.reference import check
+from cuticle.reference.cases import SIGMAS, draw
+from cuticle.reference.models import evaluate, formulas_of
+
+pytest.importorskip("flint", reason="python-flint is not installed: pip install 'cuticle[reference]'")
+NEAR = draw("chiang", 60, 1, near=True, longitudinal="")
+RIGHT = evaluate(formulas_of(NEAR), NEAR, density=True)
+INPUTS = [*NEAR.columns, *SIGMAS]
+VALUES = ["f_r", "f_g", "f_b", "pdf"]
+
+
+def write(path: Path, values: np.ndarray, cells: list[str], names: list[str] = VALUES, head: str = "") -> Path:
+    rows = [
+        [str(i + 1), *map(repr, NEAR.row(i).values()), *(c % x for c, x in zip(cells, row, strict=True))]
+        for i, row in enumerate(values)
+    ]
+    path.write_text(head + "\n".join(",".join(row) for row in [["case", *INPUTS, *names], *rows]) + "\n")
+    return path
+
+
+BOTH = np.column_stack([RIGHT.f, RIGHT.pdf])
+
+
+@pytest.mark.parametrize("cell", ["%.9f", "%.12f", "%.17g", "%.9g"])
+def test_right_values_are_right_however_they_are_printed(cell: str, tmp_path: Path) -> None:
+    found = check(write(tmp_path / "mine.csv", BOTH, [cell] * 4))
+    assert found.ok, found
+    assert not any("digits" in note for note in found.notes)
+
+
+def test_precision_is_that_of_each_quantity(tmp_path: Path) -> None:
+    floats = np.column_stack([RIGHT.f.astype(np.float32), RIGHT.pdf])
+    found = check(write(tmp_path / "mine.csv", floats, ["%.9g"] * 3 + ["%.17g"]))
+    assert found.ok, found
+    assert found.precision == "single of f, double of pdf (by the values' digits)"
+
+
+def test_floats_in_ten_digits_are_told_of(tmp_path: Path) -> None:
+    rounded = BOTH * (1 + 1e-4 * np.random.default_rng(1).uniform(-1, 1, BOTH.shape))
+    found = check(write(tmp_path / "mine.csv", rounded, ["%.10g"] * 4))
+    assert not found.ok
+    assert "f is right in single precision: if that computed it, give --precision single" in found.notes
+
+
+def test_cosines_from_sines_in_single_precision_are_right() -> None:
+    """As pbrt has them, √(1 - x²): near the poles they lose digits of f. By formulas of float32."""
+    poles = draw("chiang", 400, 7, near=True, longitudinal="")
+    F, columns = formulas_of(poles), {k: v.astype(np.float32) for k, v in poles.columns.items()}
+    for name in ("theta_i", "theta_r"):  # the inclination whose cosine that is
+        sine = np.sin(columns[name])
+        cosine = np.sqrt(np.maximum(1 - sine * sine, np.float32(0)))
+        columns[name] = np.arctan2(sine.astype(float), np.maximum(cosine.astype(float), 1e-6))
+    from dataclasses import replace
+
+    from planted import submission
+
+    near = replace(poles, columns={k: v.astype(float) for k, v in columns.items()})
+    assert check(submission(poles, evaluate(F, near).f, single=True)).ok
+
+
+def test_what_would_not_be_looked_at_is_refused(tmp_path: Path) -> None:
+    good = write(tmp_path / "good.csv", BOTH, ["%.9g"] * 4, head="# model: chiang\n").read_text()
+    for name, text, words in (
+        ("dots", good.replace("f_r,f_g,f_b", "f.r,f.g,f.b"), "has a column 'f.r': name the values f_r, f_g, f_b, f, pdf"),
+        ("capital", good.replace(",pdf", ",PDF"), "has a column 'PDF'"),
+        ("lines", good.replace("\n1,", '\n"1\n",', 1), "has a cell of several lines"),
+    ):
+        (tmp_path / f"{name}.csv").write_text(text)
+        refused("reference", "check", f"{name}.csv", words=words, cwd=tmp_path)
+    (tmp_path / "good.csv.gz").write_bytes(b"\x1f\x8b\0")
+    refused("reference", "check", "good.csv.gz", words="is packed: unpack it first", cwd=tmp_path)
+
+
+def test_values_of_other_cases_are_refused(tmp_path: Path) -> None:
+    mine = write(tmp_path / "mine.csv", BOTH, ["%.9g"] * 4, head="# model: chiang\n")
+    other = mine.read_text()
+    cells = other.splitlines()[5].split(",")
+    cells[INPUTS.index("beta_m") + 1] = "0.77"
+    lines = other.splitlines()
+    (tmp_path / "other.csv").write_text("\n".join([*lines[:5], ",".join(cells), *lines[6:]]) + "\n")
+    assert check(mine, cases=mine).ok
+    refused("reference", "check", "mine.csv", "--cases", "other.csv", words="these are values of other cases", cwd=tmp_path)
+    (tmp_path / "marschner.csv").write_text(other.replace("# model: chiang", "# model: marschner"))
+    refused(
+        "reference", "check", "mine.csv", "--cases", "marschner.csv", words="says model: chiang, but marschner.csv model:",
+        cwd=tmp_path,
+    )  # fmt: skip

@@ -1,0 +1,82 @@
+"""What `reference check` says where no slip of the table explains the values: no hint may be false, or of no use."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cuticle.reference import check
+from cuticle.reference.cases import draw
+from cuticle.reference.findings import Findings
+from cuticle.reference.formulas import Formulas
+from cuticle.reference.models import evaluate, formulas_of
+from cuticle.reference.slips import having
+from planted import submission
+
+pytest.importorskip("flint", reason="python-flint is not installed: pip install 'cuticle[reference]'")
+NEAR = draw("chiang", 400, 3, near=True, longitudinal="")
+F = formulas_of(NEAR)
+RIGHT = evaluate(F, NEAR).f
+
+
+def found(f: np.ndarray) -> Findings:
+    return check(submission(NEAR, f, single=True))
+
+
+def with_formulas(change: Callable[[Formulas], Formulas]) -> str:
+    return str(found(evaluate(change(F), NEAR).f))
+
+
+def test_the_lobe_that_is_off_is_named() -> None:
+    def narrower(G: Formulas) -> Formulas:  # of TRT, and by no factor
+        return replace(G, variances=lambda q: [v + 0.02 * (p == 2) for p, v in enumerate(G.variances(q))])
+
+    assert "the error is in TRT" in with_formulas(narrower)
+
+
+def test_a_few_values_off_blame_no_lobe() -> None:
+    """Values without R are right where hardly any is off: so are those without any other lobe."""
+    f = RIGHT.copy()
+    f[::23] *= 1.5
+    text = str(found(f))
+    assert "the error is in" not in text
+    assert "would help" not in text
+
+
+@pytest.mark.parametrize(("limit", "words"), [
+    (lambda q: having(offset=lambda q: np.clip(q.h, -0.97, 0.97)), "cases that are off have |h| ≥ 0.97"),
+    (lambda q: having(log_i0=lambda x: F.log_i0(x) + 0.3 * (x > 100)), "the largest cos θ_i cos θ_o/v of its lobes ≥ 1"),
+])  # fmt: skip
+def test_a_limit_beyond_which_values_are_off_is_named(limit: Any, words: str) -> None:
+    text = with_formulas(limit(None))
+    assert words in text
+    assert "grow with" not in text
+
+
+def test_a_clamp_is_named() -> None:
+    text = str(found(np.minimum(RIGHT, 5)))
+    assert "values that are off are 5: a clamp?" in text
+
+
+def test_a_channel_that_is_off_alone_is_named() -> None:
+    text = str(found(RIGHT * [1.7, 1, 1]))
+    assert "f_g and f_b are right: look at f_r alone" in text
+    assert "f_r is 1.7 times what it should be" in text
+
+
+@pytest.mark.parametrize(("name", "value"), [("alpha", 2.0), ("eta", 1.55), ("beta_n", 0.3)])
+def test_an_input_that_is_ignored_is_named(name: str, value: float) -> None:
+    fixed = replace(NEAR, columns={**NEAR.columns, name: np.full(len(NEAR), value)})
+    assert f"verdict: WRONG (f: {name} of every case = {value:g})" in str(found(evaluate(F, fixed).f))
+
+
+def test_a_lobe_that_is_off_is_no_coarse_quadrature() -> None:
+    far = draw("marschner", 60, 3, near=False, longitudinal="energy_conserving")
+    G = formulas_of(far)
+    wrong = replace(G, tilts=lambda q: [t + (0.03 if p == 1 else 0) for p, t in enumerate(G.tilts(q))])
+    text = str(check(submission(far, evaluate(wrong, far).f, single=True)))
+    assert "too coarse" not in text
