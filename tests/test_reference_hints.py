@@ -74,9 +74,16 @@ def test_an_input_that_is_ignored_is_named(name: str, value: float) -> None:
     assert f"verdict: WRONG (f: {name} of every case = {value:g})" in str(found(evaluate(F, fixed).f))
 
 
+@pytest.mark.slow
 def test_a_lobe_that_is_off_is_no_coarse_quadrature() -> None:
     far = draw("marschner", 60, 3, near=False, longitudinal="energy_conserving")
     G = formulas_of(far)
     wrong = replace(G, tilts=lambda q: [t + (0.03 if p == 1 else 0) for p, t in enumerate(G.tilts(q))])
     text = str(check(submission(far, evaluate(wrong, far).f, single=True)))
     assert "too coarse" not in text
+
+
+def test_a_number_is_found_on_top_of_a_slip_that_it_hides() -> None:
+    """With the cosine put right most values are still off."""
+    wrong = replace(F, scale=lambda q: 0.35 * F.scale(q), finish=lambda q, f: f * np.cos(q.theta_i))
+    assert "verdict: WRONG (f: cosine-in + the scale of D × 0.35)" in str(found(evaluate(wrong, NEAR).f))

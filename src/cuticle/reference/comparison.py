@@ -21,7 +21,6 @@ from cuticle.reference.making import values_of
 from cuticle.reference.models import evaluate, formulas_of
 from cuticle.reference.scans import leads
 from cuticle.reference.search import Search, changed, predicted, search
-from cuticle.reference.slips import Slip
 from cuticle.reference.tolerance import AVERAGED, FLOORS, Quantity, quantity
 from cuticle.reference.values_file import Submission, read
 from cuticle.scattering.bcsdf import luminance_weights
@@ -31,6 +30,7 @@ PRECISIONS = ("auto", "single", "double")
 _PROVEN_ROWS = {True: 200, False: 12}
 _DIGITS = 6  # with fewer, rounding is more than the tolerance at times
 _NEARER = 0.9  # of the values off: what slips that do not explain them must leave at most to be named
+_FIRST = 2  # of the single slips that leave least, on top of which one number is tried
 _AGREE = 1e-4  # of a tolerance's share: what double precision may be off from a proven value
 
 
@@ -191,16 +191,17 @@ def _check(F: Formulas, q: Quantity, given: Submission, right: Evaluated, tolera
             found = replace(found, strays=tuple(int(n) for n in given.rows[off]))
         return replace(found, verdict="right but for an approximation") if known else found
     few, some = q.take(made.rows), inputs.take(made.rows)
-    bases: list[tuple[Slip, ...]] = [()]  # one number may explain what slips, found one by one, only come near to
-    if best.score < 0.6 * min(made.singles[-1].score, few.score(value[made.rows])):
-        bases.append(best.slips)
+    # One number may explain what slips, found one by one, only come near to; of those, the first may be right, and hidden by
+    # what the number changes.
+    bases = dict.fromkeys([(), *(h.slips for h in made.singles[:_FIRST]), best.slips])
+    near = best.score < 0.6 * few.score(value[made.rows]) and best.outside < _NEARER * found.outside
     for k, slips in enumerate(bases):
 
         def part(x: float, k: int = k) -> None:
             progress(f"leads of {q.name}", 0.6 + 0.4 * (k + x) / len(bases))
 
         where = leads(changed(F, slips), few, some, part)
-        if where.explain or not slips or best.outside < _NEARER * found.outside:
+        if where.explain or not slips or (near and slips == best.slips):
             found = replace(found, best=replace(best, slips=slips), leads=where)
         if where.explain:
             break
