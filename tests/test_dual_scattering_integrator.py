@@ -283,7 +283,8 @@ def test_instances_are_the_hair_that_they_repeat(tmp_path: Path, use_variant: Us
         mi.render(mi.load_dict(scene | mixed), spp=1)
 
 
-@pytest.mark.parametrize("counter", ["grid", pytest.param("trace", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("counter", ["grid", "trace"])
 def test_light_through_hair_of_another_colour(counter: str, ball: Groom, tmp_path: Path, use_variant: UseVariant) -> None:
     """Every second strand is black: what is blond, and what is black, is as bright as with paths."""
     mi = use_variant("scalar_rgb")

@@ -122,6 +122,7 @@ def test_rows_go_on_to_where_the_shape_settles() -> None:
     assert settled_rows(DualScattering(Fibre.preset("document")))[-2:] == (32, 64)  # zinke2008 widens on and on
 
 
+@pytest.mark.slow
 def test_rows_are_added_where_lobes_cannot_follow_the_light() -> None:
     """Between 32 and 64 strands four lobes lose a light that they hold at both."""
     model = DualScattering(TILTED)

@@ -71,7 +71,7 @@ def test_cosines_from_sines_in_single_precision_are_right() -> None:
 def test_what_would_not_be_looked_at_is_refused(tmp_path: Path) -> None:
     good = write(tmp_path / "good.csv", BOTH, ["%.9g"] * 4, head="# model: chiang\n").read_text()
     for name, text, words in (
-        ("dots", good.replace("f_r,f_g,f_b", "f.r,f.g,f.b"), "has a column 'f.r': name the values f_r, f_g, f_b, f, pdf"),
+        ("dots", good.replace("f_r,f_g,f_b", "f.r,f.g,f.b"), "has a column 'f.r': values are named f_r, f_g, f_b, f, pdf"),
         ("capital", good.replace(",pdf", ",PDF"), "has a column 'PDF'"),
         ("lines", good.replace("\n1,", '\n"1\n",', 1), "has a cell of several lines"),
     ):

@@ -68,7 +68,9 @@ def test_a_channel_that_is_off_alone_is_named() -> None:
     assert "f_r is 1.7 times what it should be" in text
 
 
-@pytest.mark.parametrize(("name", "value"), [("alpha", 2.0), ("eta", 1.55), ("beta_n", 0.3)])
+@pytest.mark.parametrize(("name", "value"), [
+    ("eta", 1.55), *(pytest.param(*x, marks=pytest.mark.slow) for x in (("alpha", 2.0), ("beta_n", 0.3)))
+])  # fmt: skip
 def test_an_input_that_is_ignored_is_named(name: str, value: float) -> None:
     fixed = replace(NEAR, columns={**NEAR.columns, name: np.full(len(NEAR), value)})
     assert f"verdict: WRONG (f: {name} of every case = {value:g})" in str(found(evaluate(F, fixed).f))

@@ -38,7 +38,7 @@ def _fresnel(cosine: Array, eta: Array) -> Array:
 
 def _attenuation(p: int, f: Array, t: Array, closed: bool) -> Array:
     if p == 0:
-        return f * np.ones_like(t)
+        return np.broadcast_to(f, t.shape)
     if p == 1:
         return (1 - f) ** 2 * t
     trt = (1 - f) ** 2 * f * t**2
@@ -203,8 +203,10 @@ def _rows(F: Formulas, inputs: Inputs, panels: int) -> Evaluated:
     pdf, whole = np.zeros((len(inputs), 1)), np.zeros((len(inputs), 1))
     for p, m in enumerate(along(F, q)):
         about = F.rest_azimuth if p == 3 else p
-        even = F.rest_density * np.ones_like(ray.gamma_t)
-        n = even if about is None else F.density(F.wrap(q.phi - F.azimuth(about, ray)), scale)
+        if about is None:
+            n = np.full_like(ray.gamma_t, F.rest_density)
+        else:
+            n = F.density(F.wrap(q.phi - F.azimuth(about, ray)), scale)
         around.append(((n * weight)[..., None] * energies[p]).sum(axis=1))
         parts.append(m * around[-1])
         light = (weight[..., None] * energies[p]).sum(axis=1)

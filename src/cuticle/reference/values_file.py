@@ -255,10 +255,11 @@ def _submission(table: _Table, source: _Table, model: str | None, name: str, joi
 
 def _refuse_unread(table: _Table) -> None:
     """Refuse columns whose names are nearly those of values: they would not be looked at."""
-    alike = r"(f|b(c)?sdf)[^a-z0-9]*([rgbxyz012]|red|green|blue)?|pdf"
+    alike = r"(f|bc?sdf)[^a-z0-9]*([rgb]|red|green|blue)?|pdf"
     unread = [n for n in table.names if n not in VALUES and re.fullmatch(alike, n, re.IGNORECASE) and any(table.cells[n])]
     if unread:
-        raise ValueError(f"{table.path} has a column {unread[0]!r}: name the values {', '.join(VALUES)}")
+        names = ", ".join(VALUES)
+        raise ValueError(f"{table.path} has a column {unread[0]!r}: values are named {names}; rename it if it holds none")
 
 
 def _refuse_other_cases(table: _Table, source: _Table, inputs: Inputs, labels: NDArray[np.int64]) -> None:

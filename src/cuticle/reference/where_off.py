@@ -154,7 +154,7 @@ def _right_without(share: Array, off: Array, some: tuple[int, ...]) -> int:
     groups = [g[~np.isnan(g)] for g in groups]
     right = groups[0].size >= 20 and all(g.size >= 5 and (g > 1).mean() < 0.01 for g in groups)
     own = off[(share[:, some].sum(axis=1) > 0.99) & ~np.isnan(off)]
-    return groups[0].size if right and (own > 1).mean() > _MANY else 0
+    return groups[0].size if right and own.size and (own > 1).mean() > _MANY else 0
 
 
 def _shares(quantity: Quantity, e: Evaluated) -> Array:
