@@ -68,8 +68,14 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
 
     void parameters_changed(const std::vector<std::string> &keys = {}) override {
         const auto changed = [&](const char *name) { return std::find(keys.begin(), keys.end(), name) != keys.end(); };
+        const bool fixed = m_fixed;
         if (keys.empty() || changed("sigma_a") || changed("scale")) m_fixed = false;
-        Base::parameters_changed(keys);
+        try {
+            Base::parameters_changed(keys);
+        } catch (...) {  // without tables of other absorptions only its own can be looked up
+            m_fixed = fixed;
+            throw;
+        }
     }
 
     MI_DECLARE_CLASS(CuticleBSDF)

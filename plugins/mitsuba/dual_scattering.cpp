@@ -260,7 +260,6 @@ template <typename Float, typename Spectrum> class DualScattering final : public
         if (dr::none_or<false>(path.going)) return dr::zeros<SurfaceInteraction3f>();
         SurfaceInteraction3f si = scene->ray_intersect(path.ray, +RayFlags::All, true, path.going);
         const Mask first = path.going && path.length == 0u;
-        path.seen |= first && si.is_valid();
         if (m_hide_emitters) {
             const Mask skip = first && si.is_valid() && si.shape->emitter() != nullptr;
             if (dr::any_or<true>(skip)) {
@@ -268,6 +267,7 @@ template <typename Float, typename Spectrum> class DualScattering final : public
                 dr::masked(si, skip) = pi.compute_surface_interaction(path.ray, +RayFlags::All, skip);
             }
         }
+        path.seen |= first && si.is_valid();
         const EmitterPtr seen = si.emitter(scene, path.going);
         const Mask shines = path.going && seen != nullptr && !(m_hide_emitters && first);
         if (dr::any_or<true>(shines)) {

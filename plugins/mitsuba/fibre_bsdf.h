@@ -27,15 +27,13 @@ template <typename Float, typename Spectrum> class FibreBSDF : public AbsorbingH
     // stays as it was.
     void parameters_changed(const std::vector<std::string> &keys = {}) override {
         Properties scene(m_scene);
-        const bool changed = set_numbers(scene);
-        if (changed) {
-            try {
+        try {
+            if (set_numbers(scene))
                 this->adopt(static_cast<const FibreBSDF &>(
                     *PluginManager::instance()->create_object<mitsuba::BSDF<Float, Spectrum>>(scene)));
-            } catch (...) {
-                for (size_t k = 0; k < m_slots.size(); ++k) m_values[k] = m_slots[k].made;
-                throw;
-            }
+        } catch (...) {
+            for (size_t k = 0; k < m_slots.size(); ++k) m_values[k] = m_slots[k].made;
+            throw;
         }
         // What Python made of a number has no gradient: where one is asked for, the number itself is used.
         const bool sigma_a = std::any_of(keys.begin(), keys.end(), [](auto &key) { return key.rfind("sigma_a", 0) == 0; });
@@ -43,6 +41,8 @@ template <typename Float, typename Spectrum> class FibreBSDF : public AbsorbingH
             m_attached = false;
             const size_t first = m_color ? roughness : m_parameters, count = m_color ? 1 : m_pigments;
             for (size_t k = first; k < first + count; ++k) m_attached |= !sigma_a && dr::grad_enabled(m_values[k]);
+            for (size_t k = 0; k < m_slots.size(); ++k)
+                if (dr::grad_enabled(m_values[k])) m_slots[k].follows = -1;
         }
         make_opaque();
     }

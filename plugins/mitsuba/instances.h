@@ -40,18 +40,37 @@ template <typename Float, typename Spectrum> struct Placed {
     }
 
   private:
-    // Mitsuba does not tell: it is the group that has as much in it and fills the instance's box.
+    // Mitsuba does not tell: it is the group that has as much in it and fills the instance's box. Of several, any will do if
+    // their shapes look alike.
     const ShapeGroup *group_of(const Scene *scene, const Shape *shape) const {
-        const ScalarBoundingBox3f box = shape->bbox();
+        const ShapeGroup *found = nullptr;
         for (const auto &group : scene->shapegroups()) {
-            if (group->primitive_count() != shape->effective_primitive_count()) continue;
-            if (!group->bbox().valid() && !box.valid()) return group.get();
-            ScalarBoundingBox3f moved;
-            for (int k = 0; k < 8; ++k) moved.expand(to_world * group->bbox().corner(k));
-            const ScalarFloat off = dr::max(dr::maximum(dr::abs(moved.min - box.min), dr::abs(moved.max - box.max)));
-            if (off <= ScalarFloat(1e-4) * dr::norm(box.extents())) return group.get();
+            if (!fills(group.get(), shape)) continue;
+            if (found && looks(found) != looks(group.get()))
+                Throw(
+                    "dual_scattering: instances cannot be told apart whose shapegroups have as many segments, the same "
+                    "bounds and other BSDFs: leave a strand out of one of them");
+            found = group.get();
         }
-        Throw("dual_scattering: an instance that moves while the shutter is open is not supported: leave its animation out");
+        if (!found)
+            Throw(
+                "dual_scattering: an instance that moves while the shutter is open is not supported: leave its animation "
+                "out");
+        return found;
+    }
+    bool fills(const ShapeGroup *group, const Shape *shape) const {
+        const ScalarBoundingBox3f box = shape->bbox();
+        if (group->primitive_count() != shape->effective_primitive_count()) return false;
+        if (!group->bbox().valid() && !box.valid()) return true;
+        ScalarBoundingBox3f moved;
+        for (int k = 0; k < 8; ++k) moved.expand(to_world * group->bbox().corner(k));
+        const ScalarFloat off = dr::max(dr::maximum(dr::abs(moved.min - box.min), dr::abs(moved.max - box.max)));
+        return off <= ScalarFloat(1e-4) * dr::norm(box.extents());
+    }
+    static std::vector<const Object *> looks(const ShapeGroup *group) {
+        std::vector<const Object *> found;
+        for (const auto &shape : group->shapes()) found.push_back(shape->bsdf());
+        return found;
     }
 };
 

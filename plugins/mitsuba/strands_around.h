@@ -55,6 +55,7 @@ template <typename Float, typename Spectrum> class StrandsAround {
         m_draws = false;
         m_box.reset();
         m_kinds.clear();
+        grid.clear();  // of a scene that was refused
         for (const ref<Shape> &shape : scene->shapes()) {
             const Placed<Float, Spectrum> placed(scene, shape);
             size_t hairs = 0;

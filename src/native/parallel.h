@@ -3,20 +3,39 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <exception>
+#include <system_error>
 #include <thread>
 #include <vector>
 
 namespace native {
 
-// body(begin, end) over pieces of [0, count); a piece is never smaller than `least`.
+// body(begin, end) over pieces of [0, count); a piece is never smaller than `least`. What a piece throws is thrown here,
+// once all have ended; pieces for which no thread can be had are done in this one.
 template <class Body> void parallel_for(std::size_t count, std::size_t least, const Body &body) {
     const std::size_t cores = std::max(1u, std::thread::hardware_concurrency());
     const std::size_t pieces = std::max<std::size_t>(1, std::min(cores, count / std::max<std::size_t>(least, 1)));
     const auto bound = [&](std::size_t i) { return count * i / pieces; };
+    std::vector<std::exception_ptr> thrown(pieces);
+    const auto piece = [&](std::size_t i) {
+        try {
+            body(bound(i), bound(i + 1));
+        } catch (...) {
+            thrown[i] = std::current_exception();
+        }
+    };
     std::vector<std::thread> others;
-    for (std::size_t i = 1; i < pieces; ++i) others.emplace_back([&, i] { body(bound(i), bound(i + 1)); });
-    body(0, bound(1));
+    others.reserve(pieces);
+    std::size_t started = 1;
+    try {
+        for (; started < pieces; ++started) others.emplace_back(piece, started);
+    } catch (const std::system_error &) {
+    }
+    piece(0);
+    for (std::size_t i = started; i < pieces; ++i) piece(i);
     for (std::thread &t : others) t.join();
+    for (const std::exception_ptr &e : thrown)
+        if (e) std::rethrow_exception(e);
 }
 
 // An array of count values, or one value for all of them.

@@ -18,14 +18,13 @@ template <class Float, class Family> void bind_tables(nb::module_ &m, const std:
 namespace {
 
 // The first value outside [lo, hi] (a NaN is), or -1. Half-open on the right if asked.
-template <class Float> long first_outside(const In<Float> &x, double lo, double hi, bool open) {
+template <class Float> std::int64_t first_outside(const In<Float> &x, double lo, double hi, bool open) {
     const std::size_t n = x.size();
     const Float *data = x.data();
     const Float a = Float(lo), b = Float(hi);
     std::size_t found = n;
-    std::vector<std::size_t> founds(n ? std::thread::hardware_concurrency() + 1 : 1, n);
+    std::mutex lock;
     parallel_for(n, 65536, [&](std::size_t begin, std::size_t end) {
-        const std::size_t slot = n ? begin * (founds.size() - 1) / n : 0;
         for (std::size_t i = begin; i < end; i += 4096) {
             const std::size_t stop = std::min(i + 4096, end);
             int bad = 0;
@@ -36,28 +35,28 @@ template <class Float> long first_outside(const In<Float> &x, double lo, double 
             if (!bad) continue;
             for (std::size_t j = i; j < stop; ++j)
                 if (!(data[j] >= a && (open ? data[j] < b : data[j] <= b))) {
-                    founds[slot] = std::min(founds[slot], j);
+                    const std::lock_guard<std::mutex> guard(lock);
+                    found = std::min(found, j);
                     break;
                 }
             return;
         }
     });
-    for (const std::size_t i : founds) found = std::min(found, i);
-    return found == n ? -1L : static_cast<long>(found);
+    return found == n ? -1 : static_cast<std::int64_t>(found);
 }
 
 // Counts of (theta, phi) samples in the cells between increasing edges, added to counts (theta cells, phi cells).
 // A sample outside the edges is counted in the return value.
 template <class Float>
-long histogram(const In<Float> &theta, const In<Float> &phi, const In<double> &theta_edges, const In<double> &phi_edges,
-               Out<std::int64_t> counts) {
+std::int64_t histogram(const In<Float> &theta, const In<Float> &phi, const In<double> &theta_edges,
+                       const In<double> &phi_edges, Out<std::int64_t> counts) {
     const double *te = theta_edges.data(), *pe = phi_edges.data();
     const std::size_t rows = theta_edges.size() - 1, columns = phi_edges.size() - 1;
     std::mutex lock;
-    long outside = 0;
+    std::int64_t outside = 0;
     parallel_for(theta.size(), 65536, [&](std::size_t begin, std::size_t end) {
         std::vector<std::int64_t> local(rows * columns);
-        long missed = 0;
+        std::int64_t missed = 0;
         // How many edges lie at or below x, by halves; without a branch, which random directions would mispredict.
         const auto cell = [](const double *edges, std::size_t cells, double x) {
             const double *from = edges;

@@ -174,7 +174,8 @@ def _lobe_densities(sampler: Sampler, strands: float, theta_i: Any, theta_r: flo
     parts = []
     for weight, *lobe in zip(*sampler.mixture(theta_r, strands), strict=True):
         nodes = np.tile(np.array([1.0, *lobe]).reshape(1, 1, 5, 1), (1, 2, 1, 1))
-        parts.append(weight * Sampler(nodes, np.ones((1, 2)), even=sampler.even).pdf(theta_i, theta_r, phi))
+        alone = Sampler(nodes, np.ones((1, 2)), even=sampler.even, family=sampler.family)
+        parts.append(weight * alone.pdf(theta_i, theta_r, phi))
     # Between 0 strands and the next count two rows are blended, and a lobe has a part in each.
     return np.array(parts).reshape(-1, sampler.lobes, np.size(theta_i)).sum(axis=0)
 

@@ -171,14 +171,16 @@ def _check_texture(output: Path, asked: str, better: str) -> None:
 def _written(made: Export, output: Path) -> str:
     """Write a text and, where it reads one, its texture, both or neither; return how the second is told of."""
     values = _texture_of(output)
-    was_there = values.exists()
+    before = values.read_bytes() if made.data and values.exists() else None
     if made.data:
         write_bytes(values, made.data)
     try:
         write_output(output, made.text)
     except ValueError:
-        if made.data and not was_there:
+        if made.data and before is None:
             values.unlink()
+        elif before is not None:
+            write_bytes(values, before)
         raise
     return f" and {values}, the texture it reads" if made.data else ""
 

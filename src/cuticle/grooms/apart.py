@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +27,7 @@ def read_apart(module: str, path: Path, *arguments: object) -> dict[str, NDArray
         command = [sys.executable, "-m", module, str(path.resolve()), str(out), str(largest() + _OWN), *map(str, arguments)]
         seconds = _SECONDS + _SECONDS_PER_MB * path.stat().st_size / 1e6
         try:
-            done = subprocess.run(command, capture_output=True, check=False, timeout=seconds)
+            done = subprocess.run(command, capture_output=True, check=False, timeout=seconds, cwd=folder, env=_own_modules())
         except subprocess.TimeoutExpired:
             raise ValueError(
                 f"cannot read groom {path}: it is damaged (its reader did not end in {seconds:.0f} s)"
@@ -55,6 +57,11 @@ def serve(read: Callable[..., dict[str, NDArray]]) -> None:
     sys.exit(_REFUSED)
 
 
+def _own_modules() -> dict[str, str]:
+    """The environment, where modules are found as in this process, and none by chance in the current folder."""
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(map(os.path.abspath, sys.path))}
+
+
 def _limit_memory(size: int) -> None:
     try:
         import resource
@@ -62,4 +69,5 @@ def _limit_memory(size: int) -> None:
         return
     hard = resource.getrlimit(resource.RLIMIT_AS)[1]
     if size < sys.maxsize - _OWN and (hard == resource.RLIM_INFINITY or size < hard):
-        resource.setrlimit(resource.RLIMIT_AS, (size, hard))
+        with suppress(ValueError, OSError):  # macOS has no such limit
+            resource.setrlimit(resource.RLIMIT_AS, (size, hard))

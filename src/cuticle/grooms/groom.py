@@ -367,6 +367,8 @@ def read_groom(path: str | os.PathLike[str], *, radius: float | None = None, fra
         attributes, lost = named.readable(given, len(counts), len(points))
         with np.errstate(over="ignore"):  # what is too large for single precision is refused
             points = points.astype(np.float32)
+        if radius is not None:
+            found = None
         if found is not None:
             check_radius(found)
         check_points(points)
@@ -383,7 +385,7 @@ def read_groom(path: str | os.PathLike[str], *, radius: float | None = None, fra
             keep = np.repeat(wide, counts)
             attributes = named.chosen(attributes, wide, keep)
             points, found, counts, bend = points[keep], found[keep], counts[wide], bend[wide]
-        if radius is not None or found is None:
+        if found is None:
             found = np.float32(default_radius(points) if radius is None else radius)
             bend = bend * _POSITION
         groom = Groom(points, np.append(0, np.cumsum(counts)), found, bend, attributes)

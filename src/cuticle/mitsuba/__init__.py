@@ -75,7 +75,7 @@ def _register_in(_: str | None, variant: str | None) -> None:
     if variant not in VARIANTS:
         return
     resolver = mi.file_resolver()
-    if str(plugin_folder()) not in str(resolver):
+    if str(plugin_folder()) not in [str(resolver[k]) for k in range(len(resolver))]:
         resolver.append(str(plugin_folder()))
     mi.register_bsdf("cuticle", partial(_core.in_one_line, _make_bsdf))
     mi.register_texture("cuticle_strands", partial(_core.in_one_line, _make_texture))

@@ -25,6 +25,7 @@ from cuticle.scattering.marschner import Marschner
 from cuticle.scattering.through_strands import passed_through, through_tables
 
 _RATIO = 1.3  # between neighbouring absorptions of the tables
+_MOST = 32  # absorptions of a table
 _REACH = 8.0  # how far beyond the fibre's own absorption they go, either way
 COUNTS = (0.0, 1.0, 2.0, 4.0, 8.0, 16.0)  # strands that a table among others is for
 
@@ -45,7 +46,7 @@ def _tables(fibre: Fibre | Chiang, ranged: bool) -> _Tables:
         return _Tables(own, 0.1, among_others(fibre) if isinstance(fibre, Fibre) else None, single)
     positive = [x for x in own if x > 0] or [0.1]
     high = min(max(positive) * _REACH, 500.0)
-    low = max(min(positive) / _REACH, high / _RATIO ** (31 - len(own)))
+    low = max(min(positive) / _REACH, high / _RATIO ** (_MOST - 2 - len(own)))
     with_others = isinstance(fibre, Fibre) and among_others(fibre) is not None
     # As printed, little absorption leaves multiple scattering without a sum: the range begins above that. One column tells.
     if isinstance(fibre, Fibre) and with_others:

@@ -32,6 +32,7 @@ from cuticle.scattering.through_strands import (
 )
 
 Array = NDArray[np.float64]
+_LEAST = 1e-5  # mean absorption of the strands around, where they absorb in any channel
 
 
 def closed_form(material: Material, textures: Mapping[str, Any], scale: Any, tables: Any) -> Any:
@@ -98,6 +99,8 @@ def _mean_absorption(fibre: Fibre | Chiang, scale: Any, tables: Any) -> Array:
     sigma_a = np.broadcast_to(fibre.absorption if tables is True else list(mean_of("sigma_a", tables)), 3)
     if scale is not None:
         sigma_a = sigma_a * (scale if isinstance(scale, (int, float)) else list(mean_of("sigma_a", scale)))
+    if sigma_a.max() > 0:  # a channel without absorption alone would leave scattering among strands without a sum
+        sigma_a = np.maximum(sigma_a, _LEAST)
     return np.clip(sigma_a, 0, 1000)
 
 

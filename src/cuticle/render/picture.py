@@ -84,13 +84,15 @@ def expected_seconds(scene: Any, spp: int) -> float | None:
     before = {name: mi.ScalarVector2u(parameters[name]) for name in names}
     width, height = (int(n) for n in before["film.size"])
     took = []
-    for across in _PROBES:
-        size = mi.ScalarVector2u(min(across, width), max(1, round(min(across, width) * height / width)))
-        parameters.update(dict.fromkeys(names, size))
-        begin = time.perf_counter()
-        mi.render(scene, spp=1)
-        took.append((int(size[0]) * int(size[1]), time.perf_counter() - begin))
-    parameters.update(before)
+    try:
+        for across in _PROBES:
+            size = mi.ScalarVector2u(min(across, width), max(1, round(min(across, width) * height / width)))
+            parameters.update(dict.fromkeys(names, size))
+            begin = time.perf_counter()
+            mi.render(scene, spp=1)
+            took.append((int(size[0]) * int(size[1]), time.perf_counter() - begin))
+    finally:
+        parameters.update(before)
     (few, short), (many, long) = took[1:]
     if many == width * height or long <= short:  # the picture itself is small
         return spp * width * height * long / many

@@ -206,6 +206,11 @@ def from_mitsuba(
     >>> model = from_mitsuba("hair", h=0.3, eumelanin=1.3)  # doctest: +SKIP
     """
     variant, loaded, given = _load(bsdf, parameters, fast=h is None)
+    if "spectral" in variant:
+        raise ValueError(
+            f"from_mitsuba needs a variant in RGB, whose three channels f has; the variant is {variant}: mi.set_variant("
+            f'"{variant.replace("spectral", "rgb")}") first'
+        )
     if h is not None:
         return MitsubaBsdf(loaded, variant, h, given)
     report = progress or (lambda phase, fraction: None)

@@ -61,7 +61,7 @@ def _values(tables: FibreTables) -> NDArray[np.float64]:
     theta, weight = gauss_legendre(np.linspace(-np.pi / 2, np.pi / 2, 61), 2)
     phi = (np.arange(360) + 0.5) * np.pi / 360
     ti, ph = (np.ascontiguousarray(a).reshape(-1) for a in np.broadcast_arrays(theta[:, None], phi))
-    solid = (weight * np.cos(theta))[:, None, None]
+    solid = (weight * np.cos(theta) ** 2)[:, None, None]
     cases = []
     for viewer in _VIEWERS:
         for n in _COUNTS if tables.kind == "dual" else (0.0,):
