@@ -151,6 +151,8 @@ def use_variant() -> Callable[[str], Any]:
         try:
             return mitsuba(variant)
         except RuntimeError as error:
+            if variant.startswith("scalar"):  # which run wherever the plugins were built
+                raise
             pytest.skip(str(error))
 
     return use

@@ -15,6 +15,7 @@ from command import run
 from cuticle import Chiang, audit
 from cuticle.checking.chi_square import chi_square
 from cuticle.checking.foreign_sampler import foreign_sampler
+from cuticle.sampling.families import FAMILIES
 
 BASE = Chiang(beta_m=0.3, beta_n=0.3, alpha=2.0, eumelanin=1.3)
 
@@ -262,10 +263,13 @@ def test_it_says_where_and_which_lobe() -> None:
     assert "maps" not in plain["cases"][0]
 
 
+@pytest.mark.parametrize("family", FAMILIES)
 @pytest.mark.parametrize("strands", [0.0, 0.5, 3.0])
-def test_lobes_of_a_sampler_sum_to_its_pdf(document_fit: cuticle.Fit, strands: float) -> None:
+def test_lobes_of_a_sampler_sum_to_its_pdf(document_fit: cuticle.Fit, strands: float, family: str) -> None:
     given = {"dimensions": 3, "strands": strands, "lobes": None, "name": None}
-    sampler = foreign_sampler(document_fit.sampler, None, None, **given)
+    fitted = document_fit.sampler
+    of_family = cuticle.Sampler(fitted.nodes, fitted.energy, fitted.strands, fitted.even, family=family)
+    sampler = foreign_sampler(of_family, None, None, **given)
     rng = np.random.default_rng(8)
     theta, phi = rng.uniform(-1.5, 1.5, 500), rng.uniform(-3.1, 3.1, 500)
     assert sampler.lobe_densities is not None

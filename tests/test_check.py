@@ -11,6 +11,7 @@ import pytest
 import cuticle
 from cuticle import Sampler, _core, check
 from cuticle.checking.check import widened
+from cuticle.checking.verdicts import deviations, sidak
 
 
 def test_a_fitted_sampler_passes(document_model: cuticle.DualScattering, document_fit: cuticle.Fit) -> None:
@@ -45,16 +46,24 @@ class Lying(Sampler):
             phi = (np.pi - np.mod(np.pi - 0.05 - phi.astype(float), 2 * np.pi)).astype(phi.dtype)
         if self.about["lie"] == "stuck":
             theta_i = np.where(u[..., 0] < 0.01, np.zeros_like(theta_i), theta_i)
+        if self.about["lie"] == "both":
+            p = p * p.dtype.type(1.01)
         return cuticle.Sample(theta_i, phi, p)
 
     def pdf(self, theta_i, theta_r, phi, strands=None):
         p = super().pdf(theta_i, theta_r, phi, strands)
-        return p * p.dtype.type(1.01) if self.about["lie"] == "scaled" else p
+        return p * p.dtype.type(1.01) if self.about["lie"] in ("scaled", "both") else p
 
 
 @pytest.mark.parametrize(
     ("lie", "verdict"),
-    [("tilted", "chi-square"), ("turned", "chi-square"), ("stuck", "chi-square"), ("scaled", "∫ pdf, double")],
+    [
+        ("tilted", "chi-square"),
+        ("turned", "chi-square"),
+        ("stuck", "chi-square"),
+        ("scaled", "∫ pdf, double"),
+        ("both", "mean of f cos/p"),
+    ],
 )
 def test_a_broken_sampler_fails(
     document_model: cuticle.DualScattering, document_fit: cuticle.Fit, lie: str, verdict: str
@@ -92,6 +101,11 @@ def test_false_alarms_are_as_rare_as_stated(
         )
         failures += not all(v.passed for v in report.verdicts if v.name in ("chi-square", "mean of f cos/p"))
     assert failures <= most  # two families at 5 %: the binomial tail beyond is 3e-5 of 40 runs, 8e-6 of 10
+
+
+def test_a_level_is_shared_among_tests_as_sidak_has_it() -> None:
+    assert sidak(0.05, 3) == pytest.approx(1 - 0.95 ** (1 / 3), rel=1e-12)
+    assert deviations(0.05) == pytest.approx(1.959963985, rel=1e-9)  # of a normal distribution, both sides
 
 
 def test_widened_scales_one_lobe(document_fit: cuticle.Fit) -> None:

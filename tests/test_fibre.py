@@ -43,6 +43,18 @@ def test_presets_state_their_source_and_go_through_toml(name: str, tmp_path) -> 
     assert Fibre.from_toml(fibre.to_toml()) == fibre
 
 
+def test_presets_have_the_published_values() -> None:
+    """Marschner et al. 2003, table 1, its middle; pbrt-v4's hair with d'Eon's pigments: per radius, of eumelanin 1."""
+    marschner = Fibre.preset("marschner")
+    assert (marschner.alpha_R, marschner.beta_R, marschner.beta_N, marschner.eta) == (-7.5, 7.5, 17.5, 1.55)
+    assert marschner.absorption == (0.55,)
+    for name, eumelanin in (("blond", 0.3), ("brown", 1.3), ("black", 8.0)):
+        fibre = Fibre.preset(name)
+        assert np.degrees(fibre.alpha) == pytest.approx([-2, 1, 4])
+        assert fibre.eta == 1.55
+        assert fibre.absorption == pytest.approx([0.419 * eumelanin, 0.697 * eumelanin, 1.37 * eumelanin])
+
+
 def test_replace() -> None:
     fibre = Fibre.preset("brown").replace(sigma_a=0.1)
     assert fibre.absorption == (0.1,)

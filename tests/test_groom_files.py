@@ -65,6 +65,14 @@ def test_cyhair_is_read(groom: Groom, tmp_path: Path, thickness: bool) -> None:
         np.testing.assert_allclose(found.radius, np.linalg.norm(high - low) / 4000, rtol=1e-6)
     (tmp_path / "b.hair").write_bytes(cyhair(even(groom), segments=False))
     assert read_groom(tmp_path / "b.hair", radius=0.5).counts.tolist() == [7, 7]
+    if thickness:  # whatever the file's own are
+        radii = groom.radius.copy()
+        radii[:2] = 0
+        for own in (0 * radii, -radii, radii):
+            bad = Groom(groom.points, groom.offsets, groom.radius)
+            object.__setattr__(bad, "radius", own.astype(np.float32))
+            (tmp_path / "c.hair").write_bytes(cyhair(bad))
+            assert len(read_groom(tmp_path / "c.hair", radius=0.5).counts) == len(groom.counts)
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ import pytest
 
 import cuticle
 from cuticle.grooms.groom import Groom
+from cuticle.render.scene import integrator, load_scene
 from mitsuba_answers import (
     NEAR,
     Answers,
@@ -20,6 +21,7 @@ from mitsuba_answers import (
     random_directions,
     relative,
 )
+from rendered import SMALL
 
 if importlib.util.find_spec("mitsuba") is None:
     pytest.skip("Mitsuba is not installed: pip install 'cuticle[mitsuba]'", allow_module_level=True)
@@ -222,3 +224,51 @@ def test_absorption_is_differentiable(use_variant: UseVariant) -> None:
 
     slope = (energy(1.301) - energy(1.299)) / 0.002
     assert float(np.ravel(np.array(scale.grad))[0]) == pytest.approx(slope, rel=0.02)  # of an interpolation
+
+
+@pytest.mark.parametrize("given", [{"sampling": "uniform", "scale": 2.0}, {"sampling": "lobes", "lobes": 1, "scale": 1.5}])
+def test_colours_far_apart_fit_into_the_tables(given: dict[str, Any], use_variant: UseVariant) -> None:
+    """Thirty absorptions about those of its own: no more than a table may have."""
+    mi = use_variant("scalar_rgb")
+    color = mi.ScalarColor3d(0.8, 0.1, 0.05)
+    bsdf = mi.load_dict({"type": "cuticle", "beta_m": 0.3, "beta_n": 0.3, "color": color, **given})
+    own = cuticle.Chiang(beta_m=0.3, beta_n=0.3, color=(0.8, 0.1, 0.05)).absorption
+    scaled = mi.ScalarColor3d(*(given["scale"] * x for x in own))
+    plain = mi.load_dict({"type": "cuticle", "beta_m": 0.3, "beta_n": 0.3, "sigma_a": scaled, "sampling": "uniform"})
+    rng = np.random.default_rng(5)
+    r, i = random_directions(rng, 40), random_directions(rng, 40)
+    u = rng.random((40, 3), np.float32)
+    assert relative(ask(mi, bsdf, r, i, u).f, ask(mi, plain, r, i, u).f) <= 0.02
+
+
+def test_an_update_that_is_refused_leaves_everything_as_it_was(use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    bsdf = mi.load_dict({"type": "cuticle", "fibre": "brown", "sampling": "uniform"})
+    rng = np.random.default_rng(6)
+    r, i = random_directions(rng, 20), random_directions(rng, 20)
+    u = rng.random((20, 3), np.float32)
+    before = ask(mi, bsdf, r, i, u).f
+    parameters = mi.traverse(bsdf)
+    absorption = next(key for key in parameters.keys() if key.startswith("sigma_a"))  # noqa: SIM118 - Mitsuba's
+    parameters[absorption] = mi.ScalarColor3f(1, 2, 3) if "value" in absorption else parameters[absorption]
+    parameters["beta_R"] = 500.0
+    with pytest.raises(Exception, match="beta_R must be in"):
+        parameters.update()
+    np.testing.assert_array_equal(ask(mi, bsdf, r, i, u).f, before)
+
+
+def test_a_channel_without_absorption_is_hair_among_hair(ball: Groom, use_variant: UseVariant) -> None:
+    """White in red alone: the strands around have tables, as those of .999 have."""
+    mi = use_variant("scalar_rgb")
+    means = []
+    for red in (1.0, 0.999):
+        material = {"type": "cuticle", "beta_m": 0.3, "beta_n": 0.3, "color": mi.ScalarColor3d(red, 0.6, 0.3)}
+        scene = load_scene(mi, ball, material, view=SMALL, technique=integrator("dual", correction_paths=0))
+        means.append(np.array(mi.render(scene, spp=16))[..., :3].mean(axis=(0, 1)))
+    np.testing.assert_allclose(means[0], means[1], rtol=0.03)
+
+
+def test_spectral_variants_are_refused_for_a_function_of_three_channels(use_variant: UseVariant) -> None:
+    use_variant("scalar_spectral")
+    with pytest.raises(ValueError, match=r'from_mitsuba needs a variant in RGB.*mi.set_variant\("scalar_rgb"\) first'):
+        cuticle.from_mitsuba("hair", h=0.3, eumelanin=1.3)

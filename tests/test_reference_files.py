@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import csv
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from command import refused
+import planted
+from command import refused, run
 from cuticle.reference import check
 from cuticle.reference.cases import SIGMAS, draw
 from cuticle.reference.models import evaluate, formulas_of
@@ -60,12 +63,8 @@ def test_cosines_from_sines_in_single_precision_are_right() -> None:
         sine = np.sin(columns[name])
         cosine = np.sqrt(np.maximum(1 - sine * sine, np.float32(0)))
         columns[name] = np.arctan2(sine.astype(float), np.maximum(cosine.astype(float), 1e-6))
-    from dataclasses import replace
-
-    from planted import submission
-
     near = replace(poles, columns={k: v.astype(float) for k, v in columns.items()})
-    assert check(submission(poles, evaluate(F, near).f, single=True)).ok
+    assert check(planted.submission(poles, evaluate(F, near).f, single=True)).ok
 
 
 def test_what_would_not_be_looked_at_is_refused(tmp_path: Path) -> None:
@@ -95,3 +94,40 @@ def test_values_of_other_cases_are_refused(tmp_path: Path) -> None:
         "reference", "check", "mine.csv", "--cases", "marschner.csv", words="says model: chiang, but marschner.csv model:",
         cwd=tmp_path,
     )  # fmt: skip
+
+
+ALIKE = {
+    "chiang": NEAR,
+    "far": draw("chiang", 20, 1, near=False, longitudinal=""),
+    "marschner": draw("marschner", 20, 1, near=False, longitudinal="energy_conserving"),
+}
+
+
+@pytest.mark.parametrize("model", ALIKE)
+def test_the_file_of_cases_has_the_cores_values(model: str, tmp_path: Path) -> None:
+    """Columns ref_…, which `check` does not read, beside the core."""
+    name, field = ("chiang", ["--field", "far"]) if model == "far" else (model, [])
+    done = run("reference", name, "--cases", "24", "-o", "cases.csv", *field, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    lines = [line for line in (tmp_path / "cases.csv").read_text().splitlines() if not line.startswith("#")]
+    for row in csv.DictReader(lines):
+        at = {k: float(row[k]) for k in row if k and not k.startswith("ref_") and row[k]}
+        own = planted.function(ALIKE[model], at)
+        angles = tuple(at[k] for k in ("theta_i", "theta_r", "phi"))
+        f = [float(row[f"ref_f_{c}"]) for c in "rgb"]
+        loose = 1e-6 if model == "chiang" else 0.05  # of the core's tables
+        np.testing.assert_allclose(f, np.ravel(own.eval(*angles)), rtol=loose, atol=loose * 1e-2)
+        lobes = [c for c in ("R", "TT", "TRT", "rest") if f"ref_{c}_r" in row]
+        assert len(lobes) == (4 if name == "chiang" else 3)
+        for c, whole in zip("rgb", f, strict=True):
+            assert sum(float(row[f"ref_{p}_{c}"]) for p in lobes) == pytest.approx(whole, rel=1e-12)
+
+
+def test_values_with_the_cosine_are_told_from_those_without() -> None:
+    with_cosine = RIGHT.f * np.cos(NEAR.columns["theta_i"])[:, None]
+    values = planted.submission(NEAR, with_cosine, single=False)
+    assert check(values, f_cos=True).ok
+    assert check(values).slips == ("cosine-in",)
+    off = planted.submission(NEAR, RIGHT.f * 1.005, single=False)
+    assert check(off, tolerance=0.01).ok
+    assert not check(off).ok

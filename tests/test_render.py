@@ -279,3 +279,19 @@ def test_the_example_runs(tmp_path: Path) -> None:
     assert ran.returncode == 0, ran.stderr
     assert "eumelanin=0.3" in ran.stdout
     assert (tmp_path / "a.png").exists()
+
+
+@pytest.mark.slow
+def test_a_light_that_is_hidden_covers_nothing(ball: Groom, use_variant: UseVariant) -> None:
+    """As in Mitsuba's `direct`: what is behind it is seen, and counts for alpha."""
+    mi = use_variant("scalar_rgb")
+    before = mi.ScalarTransform4f().look_at(origin=[0.9, 0.9, 1.5], target=[0.9, 0.9, 9], up=[0, 1, 0])
+    lamp = {"type": "rectangle", "to_world": before.scale(0.6), "emitter": {"type": "area", "radiance": 1.0}}
+    hidden, direct, shown = (
+        render(load_scene(mi, ball, bsdf("brown"), view=View(width=48, height=48), technique=t, others={"lamp": lamp}), 16)
+        .image[..., 3]
+        .sum()
+        for t in (integrator("dual", correction_paths=0), integrator("direct"), integrator("direct", hide=False))
+    )
+    assert shown > 1.02 * direct  # the lamp is in view, beside the hair
+    assert abs(hidden - direct) < 0.1 * (shown - direct)

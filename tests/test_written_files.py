@@ -55,6 +55,13 @@ def test_a_file_keeps_its_mode_its_owner_and_the_links_to_it(tmp_path: Path) -> 
     os.link(real, second)
     write_bytes(real, b"both")
     assert second.read_bytes() == b"both"
+    for mask, mode in ((0o022, 0o644), (0o077, 0o600)):
+        before_mask = os.umask(mask)
+        try:
+            write_bytes(tmp_path / f"new{mask}", b"new")
+        finally:
+            os.umask(before_mask)
+        assert (tmp_path / f"new{mask}").stat().st_mode & 0o777 == mode
     dangling = tmp_path / "dangling"
     dangling.symlink_to("real/made.txt")
     write_bytes(dangling, b"made")

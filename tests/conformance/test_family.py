@@ -207,15 +207,16 @@ def shaded(form: str, to: str, folder: Path, browser: Any, made: Export | None =
 
 
 def compare(form: str, got: np.ndarray, rtol: float, atol: float, dtype: Any = np.float32, rows: Rows = EVERY) -> None:
+    turned, tilted = (5e-3, 2e-2) if dtype == np.float32 else (1e-6, 1e-6)
     (values, drawn), x = (e[rows] for e in expected(form, dtype)), cases()[rows]
     size = np.concatenate([np.tile(1 / np.cos(x[:, :1]), 3), np.ones((len(values), 1))], axis=1)  # f grows as 1/cos
     size *= (values / size).max(0)
     np.testing.assert_allclose(got[:, :4] / size, values / size, rtol=rtol, atol=atol)
     # Where a number falls on a border between lobes or cells, a host may take the other: of 4,000, a handful.
     wrapped = np.angle(np.exp(1j * (got[:, 5] - drawn[:, 1])))
-    assert np.mean(np.abs(wrapped) < 5e-3) > 0.995
+    assert np.mean(np.abs(wrapped) < turned) > 0.995
     # The lower digits of a number are off by 2048 times its rounding, over the chance of its lobe.
-    assert np.mean(np.abs(got[:, 4] - drawn[:, 0]) < 2e-2) > 0.99
+    assert np.mean(np.abs(got[:, 4] - drawn[:, 0]) < tilted) > 0.99
     theta_i = np.clip(got[:, 4], -np.pi / 2, np.pi / 2)  # the right angle in single precision is past it
     _, p = family_of(form).eval_pdf(theta_i, x[:, 1], got[:, 5], own_fibres(form, rows), **around(form, rows))
     np.testing.assert_allclose(got[:, 6], p, rtol=rtol, atol=atol * values[:, 3].max())

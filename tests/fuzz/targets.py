@@ -106,7 +106,7 @@ def page_is_whole(texts: tuple[str, str]) -> None:
     result, page = texts
     quoted = re.findall(r'"[^"]*"', result)
     for word in ("nan", "inf"):
-        assert any(word in text for text in quoted) or not re.search(rf">[^<]*\b{word}\b", page)
+        assert any(re.search(rf"\b{word}\b", text) for text in quoted) or not re.search(rf">[^<]*\b{word}\b", page)
 
 
 def tables_are_whole(printed: Printed) -> None:
