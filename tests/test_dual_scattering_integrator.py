@@ -278,6 +278,10 @@ def test_instances_are_the_hair_that_they_repeat(tmp_path: Path, use_variant: Us
         }  # fmt: skip
         seen = [np.array(mi.render(mi.load_dict(scene | hair), spp=128)) for hair in (instances, copies)]
         assert np.abs(seen[0].mean(axis=(0, 1)) / seen[1].mean(axis=(0, 1)) - 1).max() <= 0.02
+    # Of what is no hair any group will do.
+    red = {"type": "shapegroup", "a": {"type": "sphere", "radius": 0.1, "bsdf": {"type": "diffuse"}}}
+    spheres = instances | {"red": red, "r": {"type": "instance", "group": {"type": "ref", "id": "red"}, "to_world": up}}
+    assert np.isfinite(np.array(mi.render(mi.load_dict(scene | spheres), spp=1))).all()
     twin = {"type": "shapegroup", "curves": curves | {"bsdf": fibre | {"fibre": "black"}}}
     pair = instances | {"twin": twin, "t": {"type": "instance", "group": {"type": "ref", "id": "twin"}}}
     with pytest.raises(RuntimeError, match="instances cannot be told apart"):

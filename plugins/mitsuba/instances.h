@@ -2,6 +2,7 @@
 #pragma once
 
 #include "drjit_traits.h"
+#include "strands.h"
 
 #include <mitsuba/core/transform.h>
 #include <mitsuba/render/scene.h>
@@ -41,7 +42,7 @@ template <typename Float, typename Spectrum> struct Placed {
 
   private:
     // Mitsuba does not tell: it is the group that has as much in it and fills the instance's box. Of several, any will do if
-    // their shapes look alike.
+    // their hair looks alike.
     const ShapeGroup *group_of(const Scene *scene, const Shape *shape) const {
         const ShapeGroup *found = nullptr;
         for (const auto &group : scene->shapegroups()) {
@@ -67,9 +68,13 @@ template <typename Float, typename Spectrum> struct Placed {
         const ScalarFloat off = dr::max(dr::maximum(dr::abs(moved.min - box.min), dr::abs(moved.max - box.max)));
         return off <= ScalarFloat(1e-4) * dr::norm(box.extents());
     }
+    // The BSDF of each shape that is hair.
     static std::vector<const Object *> looks(const ShapeGroup *group) {
         std::vector<const Object *> found;
-        for (const auto &shape : group->shapes()) found.push_back(shape->bsdf());
+        for (const auto &shape : group->shapes()) {
+            const auto *bsdf = shape->bsdf();
+            found.push_back(bsdf && bsdf->flags() & cuticle_mitsuba::hair_flag ? bsdf : nullptr);
+        }
         return found;
     }
 };
