@@ -226,7 +226,10 @@ def test_absorption_is_differentiable(use_variant: UseVariant) -> None:
     assert float(np.ravel(np.array(scale.grad))[0]) == pytest.approx(slope, rel=0.02)  # of an interpolation
 
 
-@pytest.mark.parametrize("given", [{"sampling": "uniform", "scale": 2.0}, {"sampling": "lobes", "lobes": 1, "scale": 1.5}])
+@pytest.mark.parametrize("given", [
+    {"sampling": "uniform", "scale": 2.0},
+    pytest.param({"sampling": "lobes", "lobes": 1, "scale": 1.5}, marks=pytest.mark.slow),
+])  # fmt: skip
 def test_colours_far_apart_fit_into_the_tables(given: dict[str, Any], use_variant: UseVariant) -> None:
     """Thirty absorptions about those of its own: no more than a table may have."""
     mi = use_variant("scalar_rgb")

@@ -103,7 +103,7 @@ ALIKE = {
 }
 
 
-@pytest.mark.parametrize("model", ALIKE)
+@pytest.mark.parametrize("model", ["chiang", *(pytest.param(m, marks=pytest.mark.slow) for m in ("far", "marschner"))])
 def test_the_file_of_cases_has_the_cores_values(model: str, tmp_path: Path) -> None:
     """Columns ref_…, which `check` does not read, beside the core."""
     name, field = ("chiang", ["--field", "far"]) if model == "far" else (model, [])

@@ -30,7 +30,7 @@ PRECISIONS = ("auto", "single", "double")
 _PROVEN_ROWS = {True: 200, False: 12}
 _DIGITS = 6  # with fewer, rounding is more than the tolerance at times
 _NEARER = 0.9  # of the values off: what slips that do not explain them must leave at most to be named
-_FIRST = 2  # of the single slips that leave least, on top of which one number is tried
+_FIRST, _PROMISING = 2, 0.97  # of the single slips that leave least of the misfit, on top of which one number is tried
 _AGREE = 1e-4  # of a tolerance's share: what double precision may be off from a proven value
 
 
@@ -193,8 +193,10 @@ def _check(F: Formulas, q: Quantity, given: Submission, right: Evaluated, tolera
     few, some = q.take(made.rows), inputs.take(made.rows)
     # One number may explain what slips, found one by one, only come near to; of those, the first may be right, and hidden by
     # what the number changes.
-    bases = dict.fromkeys([(), *(h.slips for h in made.singles[:_FIRST]), best.slips])
-    near = best.score < 0.6 * few.score(value[made.rows]) and best.outside < _NEARER * found.outside
+    before = few.score(value[made.rows])
+    first = (h.slips for h in made.singles[:_FIRST] if h.score < _PROMISING * before)
+    bases = dict.fromkeys([(), *first, best.slips])
+    near = best.score < 0.6 * before and best.outside < _NEARER * found.outside
     for k, slips in enumerate(bases):
 
         def part(x: float, k: int = k) -> None:
