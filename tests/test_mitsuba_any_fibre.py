@@ -260,3 +260,20 @@ def test_gradients_are_differences(given: dict[str, Any], name: str, step: float
     slope = float(np.ravel(dr.grad(mi.traverse(bsdf)[name]))[0])
     upper, lower = (float(np.ravel(value(mi.Float(at + s)))[0]) for s in (step, -step))
     assert slope == pytest.approx((upper - lower) / (2 * step), rel=0.01)
+
+
+@pytest.mark.slow
+def test_a_value_that_is_optimised_follows_no_other(use_variant: UseVariant) -> None:
+    mi = use_variant("llvm_ad_rgb")
+    import drjit as dr
+
+    parameters = mi.traverse(mi.load_dict({"type": "cuticle", "fibre": "brown"}))
+    x = mi.Float(parameters["alpha_TT"])
+    dr.enable_grad(x)
+    parameters["alpha_TT"] = x
+    parameters.update()
+    parameters["alpha_R"] = mi.Float(-4)
+    parameters.update()
+    assert dr.grad_enabled(parameters["alpha_TT"])
+    assert float(np.ravel(parameters["alpha_TT"])[0]) == 1
+    assert float(np.ravel(parameters["alpha_TRT"])[0]) == 4  # brown gives it

@@ -41,6 +41,13 @@ def test_right_values_are_right_however_they_are_printed(cell: str, tmp_path: Pa
     assert not any("digits" in note for note in found.notes)
 
 
+def test_few_decimals_make_nothing_right(tmp_path: Path) -> None:
+    """Of zeros in two decimals each might be anything below half a unit."""
+    found = check(write(tmp_path / "mine.csv", 0 * BOTH, ["%.2f"] * 4))
+    assert not any(c.ok for c in found.checked)
+    assert not check(write(tmp_path / "rough.csv", BOTH, ["%.2f"] * 4)).ok
+
+
 def test_precision_is_that_of_each_quantity(tmp_path: Path) -> None:
     floats = np.column_stack([RIGHT.f.astype(np.float32), RIGHT.pdf])
     found = check(write(tmp_path / "mine.csv", floats, ["%.9g"] * 3 + ["%.17g"]))
@@ -115,7 +122,7 @@ def test_the_file_of_cases_has_the_cores_values(model: str, tmp_path: Path) -> N
         own = planted.function(ALIKE[model], at)
         angles = tuple(at[k] for k in ("theta_i", "theta_r", "phi"))
         f = [float(row[f"ref_f_{c}"]) for c in "rgb"]
-        loose = 1e-6 if model == "chiang" else 0.05  # of the core's tables
+        loose = 1e-6 if model == "chiang" else 0.02  # what the core's tables are off by
         np.testing.assert_allclose(f, np.ravel(own.eval(*angles)), rtol=loose, atol=loose * 1e-2)
         lobes = [c for c in ("R", "TT", "TRT", "rest") if f"ref_{c}_r" in row]
         assert len(lobes) == (4 if name == "chiang" else 3)

@@ -37,13 +37,11 @@ template <typename Float, typename Spectrum> class FibreBSDF : public AbsorbingH
         }
         // What Python made of a number has no gradient: where one is asked for, the number itself is used.
         const bool sigma_a = std::any_of(keys.begin(), keys.end(), [](auto &key) { return key.rfind("sigma_a", 0) == 0; });
-        if constexpr (dr::is_diff_v<Float>) {
-            m_attached = false;
-            const size_t first = m_color ? roughness : m_parameters, count = m_color ? 1 : m_pigments;
-            for (size_t k = first; k < first + count; ++k) m_attached |= !sigma_a && dr::grad_enabled(m_values[k]);
-            for (size_t k = 0; k < m_slots.size(); ++k)
-                if (dr::grad_enabled(m_values[k])) m_slots[k].follows = -1;
-        }
+        m_attached = false;
+        const size_t first = m_color ? roughness : m_parameters, count = m_color ? 1 : m_pigments;
+        for (size_t k = first; k < first + count; ++k) m_attached |= !sigma_a && has_gradient(m_values[k]);
+        for (size_t k = 0; k < m_slots.size(); ++k)
+            if (has_gradient(m_values[k])) m_slots[k].follows = -1;
         make_opaque();
     }
 
@@ -102,7 +100,8 @@ template <typename Float, typename Spectrum> class FibreBSDF : public AbsorbingH
         for (size_t k = 0; k < m_slots.size(); ++k) {
             Slot &slot = m_slots[k];
             // A value that the user set keeps its gradient; a default that follows it is set here.
-            if (!m_textures[k] && slot.made != made.m_slots[k].made && scalar(m_values[k]) == slot.made)
+            if (!m_textures[k] && !has_gradient(m_values[k]) && slot.made != made.m_slots[k].made &&
+                scalar(m_values[k]) == slot.made)
                 m_values[k] = made.m_slots[k].made;
             slot.made = made.m_slots[k].made;
             slot.follows = made.m_slots[k].follows;
@@ -177,6 +176,11 @@ template <typename Float, typename Spectrum> class FibreBSDF : public AbsorbingH
     void make_opaque() {
         if constexpr (dr::is_jit_v<Float>)
             for (Float &value : m_values) dr::make_opaque(value);
+    }
+
+    static bool has_gradient(const Float &x) {
+        if constexpr (dr::is_diff_v<Float>) return dr::grad_enabled(x);
+        else return false;
     }
 
     static ScalarFloat scalar(const Float &x) {

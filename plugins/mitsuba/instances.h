@@ -73,7 +73,7 @@ template <typename Float, typename Spectrum> struct Placed {
         std::vector<const Object *> found;
         for (const auto &shape : group->shapes()) {
             const auto *bsdf = shape->bsdf();
-            found.push_back(bsdf && bsdf->flags() & cuticle_mitsuba::hair_flag ? bsdf : nullptr);
+            if (bsdf && bsdf->flags() & cuticle_mitsuba::hair_flag) found.push_back(bsdf);
         }
         return found;
     }

@@ -58,7 +58,7 @@ def serve(read: Callable[..., dict[str, NDArray]]) -> None:
 
 
 def _own_modules() -> dict[str, str]:
-    """The environment, where modules are found as in this process, and none by chance in the current folder."""
+    """The environment, with modules found where this process finds them, whatever the current folder is."""
     return {**os.environ, "PYTHONPATH": os.pathsep.join(map(os.path.abspath, sys.path))}
 
 

@@ -46,14 +46,14 @@ def _tables(fibre: Fibre | Chiang, ranged: bool) -> _Tables:
         return _Tables(own, 0.1, among_others(fibre) if isinstance(fibre, Fibre) else None, single)
     positive = [x for x in own if x > 0] or [0.1]
     high = min(max(positive) * _REACH, 500.0)
-    low = max(min(positive) / _REACH, high / _RATIO ** (_MOST - 2 - len(own)))
+    low = max(min(positive) / _REACH, high / _RATIO ** (_MOST - 1 - len(own)))
     with_others = isinstance(fibre, Fibre) and among_others(fibre) is not None
     # As printed, little absorption leaves multiple scattering without a sum: the range begins above that. One column tells.
     if isinstance(fibre, Fibre) and with_others:
         while among_others(fibre.replace(sigma_a=low)) is None:
             low *= _RATIO
-    steps = math.ceil(math.log(high / low, _RATIO)) + 1
-    absorption = (*own, *(low * _RATIO**k for k in range(max(steps, 2))))
+    steps = min(max(math.ceil(math.log(high / low, _RATIO)) + 1, 2), _MOST - len(own))  # rounding may ask for one more
+    absorption = (*own, *(low * _RATIO**k for k in range(steps)))
     if isinstance(fibre, Chiang):
         return _Tables(absorption, low, None, fibre.with_absorption(absorption))
     wide = fibre.replace(sigma_a=absorption)

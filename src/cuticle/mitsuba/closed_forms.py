@@ -32,7 +32,7 @@ from cuticle.scattering.through_strands import (
 )
 
 Array = NDArray[np.float64]
-_LEAST = 1e-5  # mean absorption of the strands around, where they absorb in any channel
+_LEAST = 1e-8  # mean absorption of the strands around, where they absorb in any channel: less than a color of .999 has
 
 
 def closed_form(material: Material, textures: Mapping[str, Any], scale: Any, tables: Any) -> Any:

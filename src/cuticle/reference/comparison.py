@@ -99,14 +99,16 @@ def check(
     chosen = {n: precision if precision != "auto" else "single" if given.single[n] else "double" for n, _ in kept}
     for k, (name, v) in enumerate(kept):
         written = given.written.get(name, 0.0)
-        q, single = (quantity(name, v, F, inputs, right, x, tolerance, written) for x in (chosen[name], "single"))
+        q = quantity(name, v, F, inputs, right, chosen[name], tolerance, written)
 
         def part(phase: str, fraction: float, k: int = k) -> None:
             report(phase, 0.1 + 0.9 * (k + fraction) / len(kept))
 
         checked.append(_check(F, q, given, right, _tolerance_text(inputs, chosen[name], tolerance, written), part))
-        if not checked[-1].ok and precision == "auto" and single.right(predicted(right, q)):
-            notes.append(f"{name} is right in single precision: if that computed it, give --precision single")
+        if not checked[-1].ok and precision == "auto":
+            single = quantity(name, v, F, inputs, right, "single", tolerance, written)
+            if single.right(predicted(right, q)):
+                notes.append(f"{name} is right in single precision: if that computed it, give --precision single")
     if len(checked) == 2 and checked[0].ok != checked[1].ok:
         notes.append(
             f"{checked[0 if checked[0].ok else 1].name} is right: look at {checked[1 if checked[0].ok else 0].name} alone"

@@ -36,7 +36,8 @@ _CONSTANTS = {
 _FAR_ROWS = 40
 _POSITIVE = ("the variance", "every variance", "the scale", "η′", "eta", "beta", "sigma_a")  # no other number has a meaning
 _HELPS = 0.9  # of the values off: what a change must leave at most to be named
-_CONSTANT = {f"{name} of every case": name for names in PARAMETERS.values() for name in names}
+# Inputs that someone's code may take for a constant.
+_IGNORED = {f"{name} of every case": name for names in PARAMETERS.values() for name in names}
 Change = tuple[Formulas, Inputs]
 
 
@@ -101,8 +102,8 @@ def _fitted(words: str, make: Any, F: Formulas, quantity: Quantity, inputs: Inpu
         p = value_of(make, inputs, quantity, ROUGHLY)
         return Clue(words, quantity.outside(p), quantity.score(p))
     grid = _GRID if inputs.near else _COARSE
-    if words in _CONSTANT:
-        low, high, _ = LIMITS[_CONSTANT[words]]
+    if words in _IGNORED:
+        low, high, _ = LIMITS[_IGNORED[words]]
         grid = np.linspace(max(low, -20), min(high, 20), 25 if inputs.near else 13)
     elif words.startswith(_POSITIVE):
         grid = grid[grid > 0]
@@ -116,7 +117,7 @@ def _fitted(words: str, make: Any, F: Formulas, quantity: Quantity, inputs: Inpu
         best = min(best, (sa, float(a)), (sb, float(b)))
         low, high = (low, b) if sa < sb else (a, high)
     p = value(best[1])
-    return Clue(f"{words} {'=' if words in _CONSTANT else '×'} {constant(best[1])}", quantity.outside(p), quantity.score(p))
+    return Clue(f"{words} {'=' if words in _IGNORED else '×'} {constant(best[1])}", quantity.outside(p), quantity.score(p))
 
 
 def _one_number(F: Formulas, inputs: Inputs) -> Iterator[tuple[str, Callable[[float], Change]]]:
@@ -127,7 +128,7 @@ def _one_number(F: Formulas, inputs: Inputs) -> Iterator[tuple[str, Callable[[fl
     for name in inputs.columns:
         if name not in (*ANGLES, "h"):
             yield name, _input_times(F, inputs, name)
-    for words, name in _CONSTANT.items():
+    for words, name in _IGNORED.items():
         if name in inputs.columns:
             yield words, _input_of(F, inputs, name)
     yield "sigma_a", lambda k: (F, replace(inputs, sigma_a=np.maximum(inputs.sigma_a * k, 0)))

@@ -32,6 +32,7 @@ from cuticle.reference.slips import (
     theta_d,
     untrimmed_logistic,
     unwrapped_normal,
+    with_input,
     wrapped_by,
 )
 from cuticle.reference.slips_along import LONGITUDINAL, TILT
@@ -236,9 +237,9 @@ AZIMUTH = (
     Slip("azimuth-from-0", "wrap", "φ - φ_p is brought to 0 … 2π",
          "φ - φ_p mod 2π, in ±π", "φ - φ_p mod 2π, in 0 … 2π",
          wrapped_by(np.floor), ("chiang",)),
-    Slip("azimuth-cubic", "phi", "φ_p is Marschner's cubic of γ_i",
+    Slip("azimuth-cubic", "phi", "φ_p is the cubic of γ_i that Marschner 2003 finds roots of",
          "2pγ_t - 2γ_i + pπ", "(6pc/π - 2)γ_i - 8pc γ_i³/π³ + pπ, c = asin(1/η′)",
-         having(azimuth=cubic_azimuth), approximation=True),
+         having(azimuth=cubic_azimuth)),
     Slip("logistic-times-integral", "density", "the logistic is multiplied by its integral over ±π",
          "D(x)/∫D", "D(x) ∫D",
          having(density=lambda x, s: untrimmed_logistic(x, s) * np.tanh(np.pi / (2 * s))), ("chiang",)),
@@ -268,7 +269,7 @@ AZIMUTH = (
          having(scale=lambda q: q.beta_n), ("chiang",)),
     Slip("scale-of-beta-m", "scale", "the logistic's roughness is the longitudinal one",
          "s = √(π/8)(.265 β_n + …)", "√(π/8)(.265 β_m + …)",
-         having(scale=lambda q: np.sqrt(np.pi / 8) * polynomial(SCALE, (1, 2, 22), q.beta_m)), ("chiang",)),
+         with_input("scale", "beta_n", "beta_m"), ("chiang",)),
     Slip("scale-root-of-first", "scale", "√(π/8) multiplies the first term of s only",
          "s = √(π/8)(.265 β + 1.194 β² + 5.372 β²²)", "√(π/8) .265 β + 1.194 β² + 5.372 β²²",
          having(scale=lambda q: polynomial((np.sqrt(np.pi / 8) * SCALE[0], *SCALE[1:]), (1, 2, 22), q.beta_n)),

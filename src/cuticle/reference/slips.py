@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -60,6 +61,17 @@ class Slip:
 def having(**fields: Any) -> Change:
     """Replace formulas."""
     return lambda F: replace(F, **fields)
+
+
+def with_input(formula: str, name: str, other: str) -> Change:
+    """Give one formula another input in the place of its own."""
+
+    def change(F: Formulas) -> Formulas:
+        right = getattr(F, formula)
+        wrong: dict[str, Any] = {formula: lambda q: right(SimpleNamespace(**{**vars(q), name: getattr(q, other)}))}
+        return replace(F, **wrong)
+
+    return change
 
 
 def f_times(by: Callable[[Any], Any]) -> Change:

@@ -18,8 +18,8 @@ from cuticle.reference.slips import (
     tilted_cosine,
     tilts_by,
     variances_times,
+    with_input,
 )
-from cuticle.reference.variants import ROOT, polynomial
 
 LONGITUDINAL = (
     Slip("log-i0-16x", "i0", "log I0's last term is halved: the ½ that belongs to log(1/x) is taken of it, too",
@@ -107,8 +107,7 @@ LONGITUDINAL = (
          ("conserving", "gaussian")),
     Slip("widths-of-beta-n", "width", "M's roughness is the azimuthal one",
          "v_R = (.726 β_m + …)²", "(.726 β_n + …)²",
-         having(variances=lambda q: [polynomial(ROOT, (1, 2, 20), q.beta_n) ** 2 * k for k in (1, 0.25, 4, 4)]),
-         ("chiang",)),
+         with_input("variances", "beta_m", "beta_n"), ("chiang",)),
     Slip("widths-clamped", "clamp", "variances and the logistic's scale are clamped as roughness is",
          "v_TT from .0004, v_TRT to 110, s to 6.8", "v and s in [.001, 1]",
          clamped_widths, ("chiang",)),

@@ -26,6 +26,7 @@ VALUES = ("f_r", "f_g", "f_b", "f", "pdf")
 PREFIX = "ref_"
 LEAST_ROWS = 20
 _FALCOR = 17  # columns of float32
+_FINE = 1e-3  # of a value: what its last decimal may be
 _SINGLE_DIGITS = 9  # of a decimal number: fewer or as many are those of a float
 
 
@@ -334,9 +335,15 @@ def _is_single(cells: Sequence[str]) -> bool:
 
 
 def _written(cells: Sequence[str]) -> float:
-    """Return half a unit of the last decimal, where all numbers have as many and no exponent; else 0."""
+    """Return half a unit of the last decimal, where all numbers have as many and no exponent; else 0.
+
+    Of few decimals nothing is allowed for: half a unit must be less than a thousandth of most values.
+    """
     decimals = {len(c.partition(".")[2]) if re.fullmatch(r"[-+]?\d*\.\d+", c) else 0 for c in cells}
-    return 0.5 * 10.0 ** -decimals.pop() if len(decimals) == 1 and 0 not in decimals else 0.0
+    if len(decimals) != 1 or 0 in decimals:
+        return 0.0
+    half = 0.5 * 10.0 ** -decimals.pop()
+    return half if half < _FINE * float(np.median(np.abs(np.array(cells, float)))) else 0.0
 
 
 def _read_falcor(path: str | os.PathLike[str]) -> Submission:

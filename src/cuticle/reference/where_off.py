@@ -40,7 +40,7 @@ def where_they_lie(F: Formulas, quantity: Quantity, inputs: Inputs, e: Evaluated
     known = np.asarray(~np.isnan(off).all(axis=1), bool)
     wrong = np.asarray(known & (np.nan_to_num(off) > 1).any(axis=1), bool)
     right = known & ~wrong
-    every = _measures(F, inputs, e)
+    every = _measures(F, inputs, _shares(quantity, e).mean(axis=2))
     if wrong.sum() >= 5 and right.sum() >= 20:
         limits = [_limit(name, x[known], wrong[known]) for name, x in every.items()]
         if (best := max(limits)).both > _TOLD_APART:
@@ -79,7 +79,7 @@ def _limit(name: str, x: Array, wrong: NDArray[np.bool_]) -> _Limit:
     return best
 
 
-def _measures(F: Formulas, inputs: Inputs, e: Evaluated) -> dict[str, Array]:
+def _measures(F: Formulas, inputs: Inputs, share: Array) -> dict[str, Array]:
     """Inputs, their sizes, and what branches of M are taken by, of the lobes that make a value."""
     columns: dict[str, Array] = {**inputs.columns, "sigma_a": inputs.sigma_a.mean(axis=1)}
     every: dict[str, Array] = {}
@@ -88,7 +88,7 @@ def _measures(F: Formulas, inputs: Inputs, e: Evaluated) -> dict[str, Array]:
         if x.min() < 0:
             every[f"|{name}|"] = np.abs(x)
     if F.normalised:
-        q, share = arguments(inputs, 1), e.parts.mean(axis=2) / np.maximum(e.parts.mean(axis=2).sum(axis=1), 1e-300)[:, None]
+        q = arguments(inputs, 1)
         widths = np.hstack([np.broadcast_to(v, (len(inputs), 1)) for v in F.variances(q)])
         cones = np.hstack([np.broadcast_to(tilt - q.theta_r, (len(inputs), 1)) for tilt in F.tilts(q)])
         x = np.abs(np.cos(q.theta_i) * np.cos(cones)) / widths
