@@ -139,6 +139,14 @@ def data() -> Path:
     return folder
 
 
+@pytest.fixture(autouse=True)
+def first_variant() -> Iterator[None]:
+    """Leave Mitsuba in the variant that its first user gets, whatever a test has set: which test came before is chance."""
+    yield
+    if (mi := sys.modules.get("mitsuba")) is not None and mi.variant() not in (None, "scalar_rgb"):
+        mi.set_variant("scalar_rgb")
+
+
 @pytest.fixture
 def use_variant() -> Callable[[str], Any]:
     """Set a variant of Mitsuba and return Mitsuba; skip where it cannot run."""
