@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -70,6 +71,27 @@ def test_the_command(tmp_path: Path) -> None:
         assert done.returncode == 2, done
         assert message in done.stderr
         assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_the_commands_level_seed_and_reciprocity_are_the_audits(tmp_path: Path) -> None:
+    BASE.save(tmp_path / "hair.toml")
+
+    def said(*options: str) -> dict[str, Any]:
+        given = ("audit", "hair.toml", "--h", "0.3", "--samples", "20000", "--theta-r=-60", "--json")
+        return json.loads(run(*given, *options, cwd=tmp_path).stdout)  # type: ignore[no-any-return]
+
+    def verdicts(report: dict[str, Any]) -> set[str]:
+        return {v["name"] for v in report["verdicts"]}
+
+    plain = said()
+    assert plain["cases"] == said()["cases"]
+    assert plain["cases"] != said("--seed", "2")["cases"]
+    limits = [{v["name"]: v["limit"] for v in report["verdicts"]} for report in (plain, said("--level", "0.01"))]
+    assert limits[1]["samples follow the pdf"] > 9 * limits[0]["samples follow the pdf"]
+    reciprocal = said("--reciprocity")
+    assert verdicts(reciprocal) - verdicts(plain) == {"reciprocity"}
+    assert plain["ok"]
+    assert not reciprocal["ok"]  # scales are tilted
 
 
 @needs_mitsuba

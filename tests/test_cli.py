@@ -42,6 +42,11 @@ def test_fit_writes_what_it_says(fitted: Path) -> None:
     assert min(summary["ess"][0]) > 0.9
 
 
+def test_fit_takes_the_family_asked_for(tmp_path: Path) -> None:
+    run("fit", "brown", "--strands", "0", "--lobes", "2", "--family", "logistic", "-o", "out", cwd=tmp_path)
+    assert cuticle.Sampler.load(tmp_path / "out").family == "logistic"
+
+
 def test_fit_leaves_no_other_models_parameters_beside_its_sampler(tmp_path: Path) -> None:
     cuticle.Chiang(sigma_a=1).save(tmp_path / "chiang.toml")
     refused("fit", "brown", "-o", ".", words="chiang.toml describes another model than this fit's; move it", cwd=tmp_path)

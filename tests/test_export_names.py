@@ -85,6 +85,14 @@ def test_exports_compile_where_others_have_defined_their_words(document_fit: cut
         assert not syntax_of(tmp_path, standard + MACROS + text)
 
 
+def test_windows_macros_min_and_max_are_told_in_a_line(tmp_path: Path) -> None:
+    macros = "#include <cmath>\n#include <limits>\n#define min(a, b) (((a) < (b)) ? (a) : (b))\n"
+    assert "#error" not in syntax_of(tmp_path, macros)
+    assert "define NOMINMAX before windows.h" in syntax_of(
+        tmp_path, macros + export_family("chiang", "cpp", name="hair").text
+    )
+
+
 def test_two_names_that_differ_in_their_capitals_are_two(tmp_path: Path) -> None:
     both = "".join(export_family("chiang", "cpp", name=name).text for name in ("Hair", "hair"))
     both += "hair::Fibre<float> a;\nHair::Fibre<float> b;\n"

@@ -55,7 +55,20 @@ using std::sin; using std::cos; using std::asin; using std::sqrt; using std::pow
 #include "materialx.h"
 }
 using namespace glsl;
-int main() {
+int main(int argc, char **) {
+    if (argc > 1) {  // absorption, of a colour and a roughness, and of melanin and redness
+        vec3 color, sigma, eumelanin, pheomelanin;
+        float roughness, melanin, redness;
+        while (std::scanf("%f %f %f %f", &color.x, &color.y, &color.z, &roughness) == 4) {
+            mx_chiang_hair_absorption_from_color(color, roughness, sigma);
+            std::printf("%.9g %.9g %.9g\n", sigma.x, sigma.y, sigma.z);
+            melanin = color.x; redness = color.y;
+            mx_deon_hair_absorption_from_melanin(melanin, redness, vec3(.657704f, .498077f, .254106f),
+                                                 vec3(.829443f, .670320f, .349937f), sigma);
+            std::printf("%.9g %.9g %.9g\n", sigma.x, sigma.y, sigma.z);
+        }
+        return 0;
+    }
     float m, n, eta, tilt, theta_i, theta_r, psi_i, psi_r; vec3 sigma, f;
     while (std::scanf("%f %f %f %f %f %f %f %f %f %f %f", &m, &n, &eta, &tilt, &sigma.x, &sigma.y, &sigma.z, &theta_i,
                       &theta_r, &psi_i, &psi_r) == 11) {
@@ -88,11 +101,15 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "main"
 
 
+def answers(program: Path, *columns: np.ndarray, mode: tuple[str, ...] = ()) -> np.ndarray:
+    rows = [" ".join(map(repr, map(float, x))) for x in np.column_stack(np.broadcast_arrays(*columns))]
+    done = subprocess.run([str(program), *mode], input="\n".join(rows), capture_output=True, text=True, check=True)
+    return np.array(done.stdout.split(), float).reshape(-1, 3)
+
+
 def said(program: Path, *columns: np.ndarray) -> np.ndarray:
     """Return π times its response: f cos(theta_i), of longitudinal, azimuthal, ior, cuticle angle, absorption, angles."""
-    rows = [" ".join(map(repr, map(float, x))) for x in np.column_stack(np.broadcast_arrays(*columns))]
-    done = subprocess.run([str(program)], input="\n".join(rows), capture_output=True, text=True, check=True)
-    return np.pi * np.array(done.stdout.split(), float).reshape(-1, 3)
+    return np.pi * answers(program, *columns)
 
 
 def bessel(x: np.ndarray) -> np.ndarray:
@@ -134,6 +151,18 @@ def test_f_is_that_of_materialxs_glsl(given: dict[str, Any], program: Path) -> N
     seen = ours.max(axis=1) > 1e-6
     assert seen.sum() > 100
     assert np.abs(theirs[seen] / ours[seen] - 1).max() <= 2e-3  # single precision; .6931 for ln 2
+
+
+def test_absorption_is_that_of_materialxs_glsl(program: Path) -> None:
+    """Of a colour at a roughness, by Chiang's polynomial; and of melanin and redness."""
+    rng = np.random.default_rng(6)
+    given = np.column_stack([rng.uniform(0.002, 0.999, (40, 3)), rng.uniform(0.05, 1, 40)])
+    theirs = answers(program, *given.T, mode=("absorption",))
+    for (*color, roughness), of_color, of_melanin in zip(given, theirs[::2], theirs[1::2], strict=True):
+        found = Chiang(**conventions.from_host("materialx", color=tuple(color), azimuthal_roughness=roughness))
+        np.testing.assert_allclose(found.absorption, of_color, rtol=1e-4)
+        melanin = {"melanin_concentration": color[0], "melanin_redness": color[1]}
+        np.testing.assert_allclose(Chiang(**conventions.from_host("materialx", **melanin)).absorption, of_melanin, rtol=1e-4)
 
 
 def test_the_reference_names_its_slips(program: Path) -> None:

@@ -171,6 +171,33 @@ def test_command_line(tmp_path: Path) -> None:
     assert json.loads(ran.stdout)["strands"] == 2000
 
 
+def test_each_option_of_a_picture_does_what_it_says(tmp_path: Path, use_variant: UseVariant) -> None:
+    mi = use_variant("scalar_rgb")
+    groom = wavy_lock(30)
+    groom.save(tmp_path / "a.npz")
+
+    def rendered(*options: str) -> np.ndarray:
+        run("render", "a.npz", "-o", "a.exr", "--spp", "2", "--width", "12", *options, cwd=tmp_path)
+        return np.array(mi.Bitmap(str(tmp_path / "a.exr")), np.float64)
+
+    def shown(stops: str) -> np.ndarray:
+        run("render", "a.npz", "-o", "a.png", "--spp", "2", "--width", "12", "--exposure", stops, cwd=tmp_path)
+        return np.array(mi.Bitmap(str(tmp_path / "a.png")).convert(mi.Bitmap.PixelFormat.RGB), float)
+
+    plain = rendered()
+    assert plain[..., :3].max() > 0
+    np.testing.assert_array_equal(rendered("--seed", "0"), plain)
+    assert (rendered("--seed", "3") != plain).any()
+    np.testing.assert_allclose(rendered("--strength", "2")[..., :3], 2 * plain[..., :3], rtol=1e-4)
+    assert (rendered("--counter", "trace") != plain).any()
+    scene = load_scene(
+        mi, groom, bsdf("brown", strands=True), view=View(elevation=80, width=12, height=12), light=Light("studio"),
+        technique=integrator("dual"),
+    )  # fmt: skip
+    np.testing.assert_array_equal(rendered("--elevation", "80")[..., 3], render(scene, 2).image[..., 3])
+    assert shown("2").mean() > shown("0").mean() > shown("-8").mean()
+
+
 def test_command_line_takes_or_ignores_what_a_file_says_of_its_strands(tmp_path: Path) -> None:
     lock = wavy_lock(20)
     lock.with_attributes(color=np.full((20, 3), 0.5), alpha=np.full(20, 90.0)).save(tmp_path / "a.npz")

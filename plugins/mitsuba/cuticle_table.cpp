@@ -3,6 +3,8 @@
 // (cuticle.mitsuba) makes the tables and registers `cuticle`.
 #include "hair_bsdf.h"
 
+#include <locale>
+#include <sstream>
 #include <vector>
 
 NAMESPACE_BEGIN(mitsuba)
@@ -39,6 +41,7 @@ template <typename Float, typename Spectrum> class CuticleTable final : public H
             const TensorXf &s = props.get_any<TensorXf>(prefix + "shape");
             const TensorXf &e = props.get_any<TensorXf>(prefix + "log_energy");
             std::istringstream counts(props.get<std::string>(prefix + "strands"));
+            counts.imbue(std::locale::classic());  // whatever the host has set: 0.5 has a point
             for (float n; counts >> n;) strands.push_back(n);
             if (s.ndim() != 5 || e.ndim() != 3 || s.shape(0) != strands.size() || e.shape(0) != strands.size() ||
                 s.shape(4) > most_channels || e.shape(2) != s.shape(4))

@@ -21,6 +21,7 @@
 
 #include <nanothread/nanothread.h>
 
+#include <algorithm>
 #include <sstream>
 
 #include "brightness.h"
@@ -158,7 +159,8 @@ template <typename Float, typename Spectrum> class DualScattering final : public
         const auto size = sensor->film()->crop_size();
         const uint64_t samples = uint64_t(size.x()) * size.y() * (spp ? spp : sensor->sampler()->sample_count());
         // Unless the scene says how many: until they know the brightness to 1 %, at most one for 16 samples of the picture.
-        uint64_t most = std::max<uint64_t>(samples / 16, 1 << 12);
+        // They are kept in memory, some 150 MB at most. Where no light comes to hair they never know.
+        uint64_t most = std::clamp<uint64_t>(samples / 16, 1 << 12, 1 << 22);
         if (!paths) most = 1 << 12;
         else if (m_paths > 0) most = uint64_t(m_paths);
         // Traced arrays take a round's rays at once, scalar code a block of them for each task.

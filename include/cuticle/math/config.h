@@ -5,6 +5,9 @@
 #if __cplusplus < 201703L && !(defined(_MSVC_LANG) && _MSVC_LANG >= 201703L)
 #error "Cuticle needs C++17: -std=c++17, or /std:c++17"
 #endif
+#if defined(min) || defined(max)
+#error "Cuticle needs min and max as names, which are macros here: define NOMINMAX before windows.h"
+#endif
 
 #if defined(__CUDACC__) || defined(__HIPCC__)
 #define CUTICLE_HD __host__ __device__

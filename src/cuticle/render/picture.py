@@ -22,6 +22,7 @@ MAX_SPP = 1 << 20
 MAX_SEED = 10_000
 MAX_EXPOSURE = 32  # stops, either way: all of single precision's is white or black then
 _PASS_SECONDS = 0.5
+_PASS_PATHS = 1 << 25
 
 Image = NDArray[np.float64]
 
@@ -46,7 +47,8 @@ def passes(scene: Any, spp: int, *, seed: int = 0, step: int | None = None) -> I
     seed
         Seed of the random numbers, 0 to 10,000; each pass derives its own.
     step
-        Samples per pixel of a pass. Default: doubled while a pass takes less than half a second.
+        Samples per pixel of a pass. Default: doubled while a pass takes less than half a second and has less than 2^25
+        paths, which traced variants hold in memory at once.
     """
     import mitsuba as mi
 
@@ -62,7 +64,7 @@ def passes(scene: Any, spp: int, *, seed: int = 0, step: int | None = None) -> I
         total = total + image * size
         done, seconds, number = done + size, seconds + took, number + 1
         yield Pass(total / done, done, seconds)
-        if step is None and took < _PASS_SECONDS:
+        if step is None and took < _PASS_SECONDS and 2 * size * image.shape[0] * image.shape[1] <= _PASS_PATHS:
             size *= 2
 
 
