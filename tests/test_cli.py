@@ -7,6 +7,8 @@ import itertools
 import json
 import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -94,6 +96,18 @@ def test_help() -> None:
         done = run(*arguments)
         assert done.returncode == 0
         assert "Usage" in done.stdout
+
+
+@pytest.mark.parametrize(("given", "threads"), [({}, "1"), ({"OPENBLAS_NUM_THREADS": "3"}, "3")])
+def test_the_command_has_one_thread_for_blas_unless_told(given: dict[str, str], threads: str) -> None:
+    code = """import atexit, os, sys, cuticle_command
+atexit.register(lambda: print(os.environ["OPENBLAS_NUM_THREADS"]))
+assert "numpy" not in sys.modules
+sys.argv = ["cuticle", "--version"]
+cuticle_command.main()"""
+    environment = {k: v for k, v in os.environ.items() if k != "OPENBLAS_NUM_THREADS"} | given
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.split()[-1] == threads
 
 
 @pytest.mark.parametrize("name", COMMANDS)

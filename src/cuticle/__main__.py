@@ -1,5 +1,5 @@
 """`python -m cuticle`: the command line."""
 
-from cuticle.cli import main
+from cuticle_command import main
 
 main()

@@ -14,7 +14,12 @@ if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
 
 
 def main() -> None:
-    """Run the command line."""
+    """Run the command line.
+
+    With one thread for BLAS: the package has threads of its own for what takes long, its matrices are small, and two threads
+    that multiply such ones wait for one another.
+    """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from cuticle.cli import main as run
 
     run()

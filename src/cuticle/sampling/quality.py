@@ -160,7 +160,7 @@ def channel_bounds(model: Bcsdf, theta_r: float) -> ChannelBounds:
     square = (f / np.where(energy > 0, energy, 1)) ** 2
 
     def ess(p: NDArray[np.float64]) -> NDArray[np.float64]:
-        density = np.maximum(p / (weight @ p), _LEAST_DENSITY)
+        density = np.maximum(p / np.sum(weight * p), _LEAST_DENSITY)
         return 1 / np.maximum((weight / density) @ square, 1e-300)
 
     lit = square[:, energy > 0]
@@ -177,10 +177,11 @@ def worst_shares(weight: NDArray[np.float64], square: NDArray[np.float64]) -> ND
     1/ESS_c is below it, whatever λ. The search ends where that of the density of λ itself is hardly above. It takes
     Levenberg-Marquardt steps in ln λ, for a λ that goes to 0.
     """
+    # Not `weight @ root`: BLAS sums in threads, which on a busy machine wait for one another a hundred times as long.
     share, damping = np.full(square.shape[1], 1 / max(square.shape[1], 1)), 0.1
     root = np.maximum(np.sqrt(square @ share), _LEAST_SQRT)
     for _ in range(_STEPS):
-        whole, slope = weight @ root, (weight / root) @ square
+        whole, slope = np.sum(weight * root), (weight / root) @ square
         loss = whole * slope  # 1/ESS_c
         if loss.max(initial=0) - share @ loss <= _GAP * loss.max(initial=0):
             break
@@ -191,7 +192,7 @@ def worst_shares(weight: NDArray[np.float64], square: NDArray[np.float64]) -> ND
             trial = share * np.exp(np.clip(step, -4, 4))
             trial /= trial.sum()
             root = np.maximum(np.sqrt(square @ trial), _LEAST_SQRT)
-            if weight @ root >= whole:
+            if np.sum(weight * root) >= whole:
                 break
             damping *= 8
         share, damping = trial, 0.1 * damping
