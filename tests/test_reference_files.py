@@ -41,10 +41,16 @@ def test_right_values_are_right_however_they_are_printed(cell: str, tmp_path: Pa
     assert not any("digits" in note for note in found.notes)
 
 
-def test_few_decimals_make_nothing_right(tmp_path: Path) -> None:
-    """Of zeros in two decimals each might be anything below half a unit."""
+def test_zeros_in_two_decimals_are_not_right(tmp_path: Path) -> None:
+    """Each might be anything below half a unit. No slip is looked for."""
     found = check(write(tmp_path / "mine.csv", 0 * BOTH, ["%.2f"] * 4))
     assert not any(c.ok for c in found.checked)
+    assert {"every value of f is 0", "every value of pdf is 0"} <= set(found.notes)
+    assert "diagnosis" not in str(found)
+
+
+@pytest.mark.slow  # it looks for slips for as long as it may
+def test_two_decimals_are_too_few(tmp_path: Path) -> None:
     assert not check(write(tmp_path / "rough.csv", BOTH, ["%.2f"] * 4)).ok
 
 
