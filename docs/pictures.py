@@ -180,12 +180,10 @@ def equal_time(data: Path) -> None:
 
 def beside_paths(mi: Any, data: Path) -> None:
     """Direct light, dual scattering and paths of 64 segments, blond, at equal samples."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     groom = ponytail(data).with_followers(8, 0.3, tip_spread=0.8).with_thickness(0.05, 0.02)
     figure = Figure(figsize=(12, 4.6), layout="constrained")
-    FigureCanvasAgg(figure)
     axes = figure.subplots(1, 4)
     view = View(azimuth=60, elevation=6, width=360, height=460, fov=24)
     for ax, (title, technique) in zip(

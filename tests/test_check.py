@@ -120,6 +120,7 @@ def test_widened_scales_one_lobe(document_fit: cuticle.Fit) -> None:
     [
         ({"samples": 10}, "samples must be in [10000, 1e+08], got 10"),
         ({"theta_r": [2.0]}, "theta_r must lie in"),
+        ({"theta_r": []}, "theta_r must name at least one viewer, got none"),
         ({"level": 0}, "level must be in"),
         ({"strands": [-1]}, "strands must be in [0, 10000], got -1"),
     ],

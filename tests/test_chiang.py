@@ -98,7 +98,8 @@ def test_edges_of_the_random_numbers_give_directions() -> None:
 
 
 def test_the_bessel_function_is_scipys() -> None:
-    x = np.concatenate([[0], np.geomspace(1e-3, 1e4, 400)])
+    """5e-7 is Abramowitz and Stegun's 1.9e-7 over 0.4. They change polynomials at 3.75; peers are 2 % off just below 12."""
+    x = np.concatenate([[0, 3.74, 3.75, 3.76, 11.9, 12, 12.1], np.geomspace(1e-3, 1e4, 400)])
     ours = np.array([_core.i0_scaled(float(v)) for v in x])
     np.testing.assert_allclose(ours, special.i0e(x), rtol=5e-7)
 

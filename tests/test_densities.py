@@ -134,14 +134,6 @@ def test_bad_arguments(arguments: tuple, words: str) -> None:
     assert words in str(error.value)
 
 
-@pytest.mark.parametrize("x", [0.0, 0.1, 1.0, 3.74, 3.75, 3.76, 11.9, 12.0, 12.1, 50.0, 1e4])
-def test_bessel_function(x: float) -> None:
-    from scipy.special import i0e
-
-    # Peers are 2 % off just below 12; 5e-7 is Abramowitz and Stegun's 1.9e-7 over 0.4.
-    assert _core.i0_scaled(x) == pytest.approx(float(i0e(x)), rel=5e-7)
-
-
 @pytest.mark.parametrize("family", _core.lobe_families)
 @pytest.mark.parametrize("even", [True, False])
 def test_tables_of_every_family(family: str, even: bool) -> None:

@@ -110,10 +110,3 @@ def _relative(value: np.ndarray, reference: np.ndarray, slack: np.ndarray) -> np
 def turn(x: np.ndarray) -> np.ndarray:
     """Return angles less whole turns."""
     return x - 2 * np.pi * np.round(x / (2 * np.pi))
-
-
-def python(sampler: Sampler, x: np.ndarray) -> np.ndarray:
-    """Python in single precision."""
-    ti, tr, ph, n = (np.ascontiguousarray(c) for c in x[:, :4].T)
-    s = sampler.sample(tr, np.ascontiguousarray(x[:, 4:]), n)
-    return np.stack([sampler.pdf(ti, tr, ph, n), *s], axis=1)

@@ -12,15 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cuticle._support import validate
 from cuticle._support.extras import needed
 from cuticle._support.files import write_bytes
 from cuticle.checking.audit_viewer import MEAN_CELLS, measure_viewer
 from cuticle.checking.foreign_sampler import foreign_sampler
 from cuticle.checking.measurements import AuditMeasurement, Reciprocity
 from cuticle.checking.tests import ATOM, TESTS
-from cuticle.checking.verdicts import LIMITS, Judge, Judged, Test, Thresholds, Verdict, deviations, sidak
-from cuticle.sampling.quality import MEASURED_AT
+from cuticle.checking.verdicts import Judge, Judged, Test, Thresholds, Verdict, deviations, sidak, viewers
 
 SAMPLES = 200_000
 LEVEL = 1e-4
@@ -137,13 +135,7 @@ def audit(
     True
     """
     sampler = foreign_sampler(sample, pdf, eval, dimensions=dimensions, strands=strands, lobes=lobes, name=name)
-    angles = MEASURED_AT if theta_r is None else validate.angles("theta_r", theta_r, np.pi / 2 * (1 - 1e-6), np.float64)
-    angles = np.atleast_1d(angles).ravel()
-    if not len(angles):
-        raise ValueError("theta_r must name at least one viewer, got none")
-    validate.integer("samples", samples, *LIMITS["samples"])
-    validate.number("level", level, *LIMITS["level"])
-    validate.integer("seed", seed, *LIMITS["seed"])
+    angles = viewers(theta_r, samples, level, seed)
     if (reciprocity or energy) and sampler.eval is None:
         raise ValueError("reciprocity and energy test f: give eval")
     report = progress or (lambda phase, fraction: None)

@@ -14,9 +14,9 @@ from cuticle.checking.cell_probabilities import CELLS, CellProbabilities, compar
 from cuticle.checking.measurements import CheckMeasurement, Control, Controls, Drawn
 from cuticle.checking.sphere_integrals import integrate_pdf
 from cuticle.checking.tests import INTEGRAL_DOUBLE, TESTS
-from cuticle.checking.verdicts import LIMITS, Judge, Judged, Test, Thresholds, Verdict, deviations, sidak
+from cuticle.checking.verdicts import Judge, Judged, Test, Thresholds, Verdict, deviations, sidak, viewers
 from cuticle.sampling.lobe_table import SIGMA_PHI, SIGMA_THETA
-from cuticle.sampling.quality import MEASURED_AT, measure
+from cuticle.sampling.quality import measure
 from cuticle.sampling.sampler import Sampler, fitted
 from cuticle.scattering.bcsdf import Bcsdf, check_model, luminance
 
@@ -81,13 +81,10 @@ def check(
     """
     fitted("sampler", sampler, "cuticle.audit tests any other, a family's or your own")
     check_model(model)
-    angles = MEASURED_AT if theta_r is None else validate.angles("theta_r", theta_r, np.pi / 2 * (1 - 1e-6), np.float64)
+    angles = viewers(theta_r, samples, level, seed)
     counts = sampler.covers if strands is None else validate.strand_counts("strands", strands)
-    validate.integer("samples", samples, *LIMITS["samples"])
-    validate.number("level", level, *LIMITS["level"])
-    validate.integer("seed", seed, *LIMITS["seed"])
     report = progress or (lambda phase, fraction: None)
-    pairs = [(float(t), n) for n in counts for t in np.atleast_1d(angles)]
+    pairs = [(float(t), n) for n in counts for t in angles]
     each = sidak(level, len(pairs))
     judge = Judge((*TESTS, *extra), Thresholds(each, deviations(each)))
     steps = len(pairs) + len(counts)

@@ -8,11 +8,15 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, ClassVar, Literal, NamedTuple, TypeVar
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtri
 
+from cuticle._support import validate
 from cuticle._support.plain_values import html_table, plain
 from cuticle._support.values import Value
 from cuticle.checking.measurements import Measurement
+from cuticle.sampling.quality import MEASURED_AT
 
 LIMITS: Any = {"samples": (10_000, 100_000_000), "level": (1e-9, 0.5), "seed": (0, 2**63 - 1)}
 _NOT_WRITTEN = ("maps", "drawn")
@@ -41,6 +45,17 @@ class Verdict:
     def outcome(self) -> Outcome:
         """In one word."""
         return "pass" if self.passed else "inconclusive" if self.undecided else "fail"
+
+
+def viewers(theta_r: ArrayLike | None, samples: int, level: float, seed: int) -> NDArray[np.float64]:
+    """Check what a check and an audit are asked for; return the viewers' inclinations, shape (N,)."""
+    given = MEASURED_AT if theta_r is None else validate.angles("theta_r", theta_r, np.pi / 2 * (1 - 1e-6), np.float64)
+    if not np.size(given):
+        raise ValueError("theta_r must name at least one viewer, got none")
+    validate.integer("samples", samples, *LIMITS["samples"])
+    validate.number("level", level, *LIMITS["level"])
+    validate.integer("seed", seed, *LIMITS["seed"])
+    return np.ravel(given)
 
 
 class Judged(Value):

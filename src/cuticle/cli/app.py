@@ -254,7 +254,3 @@ def _complain(message: str, code: int = 2) -> int:
         print(json.dumps({"error": line, "exit_code": code}))
     _note(line)
     return code
-
-
-if __name__ == "__main__":
-    main()

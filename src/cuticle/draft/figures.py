@@ -26,7 +26,7 @@ from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.bcsdf import Bcsdf, luminance
 
 # Okabe and Ito's palette: told apart with any colour vision; lines differ in their dashes too.
-BLUE, ORANGE, GREEN, GREY = "#0072b2", "#d55e00", "#009e73", "#666666"
+BLUE, ORANGE, GREY = "#0072b2", "#d55e00", "#666666"
 MAP, RATIO = "viridis", "PuOr_r"
 _NOTHING = 1e-5  # of the distribution's peak
 _STYLE: Any = {

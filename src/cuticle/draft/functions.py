@@ -44,13 +44,15 @@ class Found(NamedTuple):
     choices: dict[str, Choice]
 
 
+_RUNNERS_UP = 3  # how many other forms are told
+
+
 def find_form(
     theta_r: NDArray[np.float64],
     values: NDArray[np.float64],
     parity: str,
     *,
     strands: NDArray[np.float64] | None = None,
-    runners_up: int = 3,
 ) -> Choice:
     """Return the closed form that tells values best for the number of terms it takes.
 
@@ -66,8 +68,6 @@ def find_form(
         "even": a constant and even terms. "odd": a constant and odd terms.
     strands
         Counts, shape (N,).
-    runners_up
-        How many other forms to tell.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def find_form(
     found.sort(key=lambda f: f[0])
     near = [f for f in found if f[0] - found[0][0] <= INDISTINCT]
     best = min(near, key=lambda f: f[1:3] + f[:1])[3]
-    return Choice(best, tuple([f[3] for f in found if f[3] is not best][:runners_up]))
+    return Choice(best, tuple([f[3] for f in found if f[3] is not best][:_RUNNERS_UP]))
 
 
 def fit_form(

@@ -26,7 +26,8 @@ from cuticle.scattering.dual_scattering import DualScattering
 from cuticle.scattering.family_among import FamilyAmong
 from cuticle.scattering.family_among import family as make_family
 from cuticle.scattering.fibre import Fibre
-from cuticle.scattering.frames import DEFAULT_FRAME, FRAMES, Frame, frame
+from cuticle.scattering.frames import DEFAULT_FRAME, FRAMES
+from cuticle.scattering.frames import frame as check_frame
 from cuticle.scattering.host_tables import reduce_tables
 
 __all__ = ["FRAMES", "HOSTS", "Export", "amalgamate", "export", "export_family"]
@@ -53,12 +54,12 @@ def export(
         The sampler.
     to
         "cpp" and "cuda": C++17 with the core's headers in it, for float and double, on the host and on a GPU. "glsl": for
-        GLSL ES 3.00 and 4.50, without loops of varying length; "hlsl", "metal", "slang", "wgsl": the same. "json": the
-        sampler's file. "web": a page in which to turn viewer, strands and number of lobes.
+        GLSL ES 3.00 and 3.30 to 4.60, without loops of varying length; "hlsl", "metal", "slang", "wgsl": the same. "json":
+        the sampler's file. "web": a page in which to turn viewer, strands and number of lobes.
     frame
         Whose local frame the functions that take directions are written for: pbrt, mitsuba, local-x, local-y, local-z.
     name
-        C++ namespace, or prefix in GLSL and HLSL.
+        C++ namespace, or prefix in shading languages.
     with_model
         Put the scattering function in, too: f beside sample and pdf. A `Fibre`'s and Chiang's keep their closed forms, with
         tables thinned to within 1 % of ∫ f cos; any other is written as a table, to within 1 % where a million values are
@@ -165,11 +166,6 @@ def check_name(name: str, to: str) -> str:
         if found := next((text for text in kept if does(text)), None):
             raise ValueError(f"name must not {verb} {found}, which {to} keeps for itself; got {name!r}")
     return name
-
-
-def check_frame(name: str) -> Frame:
-    """Return a frame by name, or raise ValueError."""
-    return frame(name)
 
 
 def _known(sampler: Sampler) -> Bcsdf | None:

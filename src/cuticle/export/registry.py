@@ -29,7 +29,7 @@ class Export:
     text
         The file.
     data
-        Single-precision values, four a texel, for the texture that GLSL or HLSL with a model reads; empty elsewhere.
+        Single-precision values, four a texel, for the texture that a shader reads, where it reads one; else empty.
     table_bytes
         Size of the lobe table in it.
     model

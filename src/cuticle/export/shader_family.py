@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from cuticle import _core
 from cuticle.export.formulas import Printer, Vector, print_formulas
 from cuticle.export.formulas.tree import Record
-from cuticle.export.registry import Export, FamilyJob
-from cuticle.export.shader import TEXTURE_WIDTH, Dialect, texture_rows, through_table
+from cuticle.export.registry import Export, FamilyJob, Host
+from cuticle.export.shader import TEXTURE_WIDTH, Dialect, shader, texture_rows, through_table
 from cuticle.export.source import environment
 from cuticle.scattering.bcsdf import REC709
 from cuticle.scattering.family_among import FamilyAmong
@@ -27,6 +27,14 @@ _OF_SHADER = {
     ),
 }  # fmt: skip
 _EXTERNALS = {"edge": Vector("float", 2), "middle": Vector("float", 3), "model": Vector("float", 4)}
+
+
+def shader_host(about: str, dialect: Dialect, *, reserved: frozenset[str], reserved_prefixes: tuple[str, ...]) -> Host:
+    """Return the host of a shading language, which takes samplers and families."""
+    return Host(
+        about, lambda job: shader(job, dialect), lambda job: family_shader(job, dialect), textured=True,
+        reserved=reserved, reserved_prefixes=reserved_prefixes,
+    )  # fmt: skip
 
 
 def family_shader(job: FamilyJob, dialect: Dialect) -> Export:

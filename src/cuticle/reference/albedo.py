@@ -72,7 +72,4 @@ def _nodes(F: Formulas, inputs: Inputs, order: int) -> tuple[Array, Array]:
         for side in (-1, 1):
             ends.append(2 * alpha - q.theta_r + side * 2 * np.sqrt(variance) * np.array(_AT))
     edges = np.sort(np.clip(np.concatenate(ends, axis=1), -top, top), axis=1)
-    z, w = gauss_legendre(np.array([-1.0, 1.0]), order)
-    half, middle = np.diff(edges)[..., None] / 2, (edges[:, 1:] + edges[:, :-1])[..., None] / 2
-    shape = (len(inputs), -1)
-    return (middle + half * z).reshape(shape), (half * w).reshape(shape)
+    return gauss_legendre(edges, order)

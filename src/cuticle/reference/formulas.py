@@ -30,9 +30,14 @@ def _log_i0(x: Array) -> Array:
     return x + np.log(special.i0e(x))
 
 
-def _fresnel(cosine: Array, eta: Array) -> Array:
+def amplitudes(cosine: Array, eta: Array) -> tuple[Array, Array]:
+    """Return the share of the amplitude that is reflected, of s- and of p-polarised light."""
     inner = np.sqrt(np.maximum(eta**2 - 1 + cosine**2, 0))
-    s, p = (cosine - inner) / (cosine + inner), (eta**2 * cosine - inner) / (eta**2 * cosine + inner)
+    return (cosine - inner) / (cosine + inner), (eta**2 * cosine - inner) / (eta**2 * cosine + inner)
+
+
+def _fresnel(cosine: Array, eta: Array) -> Array:
+    s, p = amplitudes(cosine, eta)
     return (s**2 + p**2) / 2
 
 
@@ -160,16 +165,17 @@ def marschner(conserving: bool) -> Formulas:
     )  # fmt: skip
     if conserving:
         return common
-    return replace(common, inclination=_difference, longitudinal=_gaussian, over_cosine=False, normalised=False)
+    return replace(common, inclination=theta_d, longitudinal=_gaussian, over_cosine=False, normalised=False)
 
 
-def _difference(q: Any) -> Array:
+def theta_d(q: Any) -> Array:
+    """Return half the difference of the two inclinations."""
     return np.asarray((q.theta_r - q.theta_i) / 2)
 
 
 def _gaussian(F: Formulas, q: Any, theta: Array, cone: Array, v: Array) -> Array:
     half = (theta - cone) / 2 - (cone + q.theta_r) / 2  # theta_h - alpha: the cone is alpha - theta_r
-    return np.asarray(np.exp(-(half**2) / (2 * v)) / np.sqrt(2 * np.pi * v) / np.cos(_difference(q)) ** 2)
+    return np.asarray(np.exp(-(half**2) / (2 * v)) / np.sqrt(2 * np.pi * v) / np.cos(theta_d(q)) ** 2)
 
 
 @lru_cache(maxsize=4)

@@ -18,7 +18,7 @@ from cuticle.reference.models import evaluate
 from cuticle.reference.search import predicted, value_of
 from cuticle.reference.slips import attenuation_by
 from cuticle.reference.tolerance import EXPLAINED, Quantity
-from cuticle.reference.variants import ROOT, SCALE, polynomial, variants
+from cuticle.reference.variants import ROOT, SCALE, scale_of, variances_of, variants
 from cuticle.reference.where_off import where_they_lie, which_are_off
 
 Array = NDArray[np.float64]
@@ -182,15 +182,12 @@ def _coefficients(F: Formulas, inputs: Inputs) -> Iterator[tuple[str, Callable[[
 
         def variances(k: float, j: int = j) -> Change:
             c = tuple(x * (k if i == j else 1) for i, x in enumerate(ROOT))
-            return replace(
-                F, variances=lambda q: [polynomial(c, (1, 2, 20), q.beta_m) ** 2 * n for n in (1, 0.25, 4, 4)]
-            ), inputs
+            return replace(F, variances=variances_of(c, (1, 2, 20))), inputs
 
         def scale(k: float, j: int = j) -> Change:
             c = tuple(x * (k if i == j else 1) for i, x in enumerate(SCALE))
-            return replace(
-                F, scale=lambda q: np.sqrt(np.pi / 8) * np.maximum(polynomial(c, (1, 2, 22), q.beta_n), 1e-3)
-            ), inputs
+            s = scale_of(c, (1, 2, 22))
+            return replace(F, scale=lambda q: np.maximum(s(q), 1e-3)), inputs
 
         yield f"the coefficient {ROOT[j]:g} of v", variances
         yield f"the coefficient {SCALE[j]:g} of s", scale

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from cuticle.reference.formulas import theta_d
 from cuticle.reference.slips import (
     CONSERVING,
     Slip,
@@ -29,7 +30,6 @@ from cuticle.reference.slips import (
     scale_times,
     schlick,
     swapped_angles,
-    theta_d,
     untrimmed_logistic,
     unwrapped_normal,
     with_input,

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from cuticle.reference.formulas import Formulas
+from cuticle.reference.formulas import Formulas, amplitudes
 
 Array = NDArray[np.float64]
 Change = Callable[[Formulas], Formulas]
@@ -219,11 +219,6 @@ def cosine_i(q: Any) -> Array:
     return np.asarray(np.cos(q.theta_i))
 
 
-def theta_d(q: Any) -> Array:
-    """Return theta_d."""
-    return np.asarray((q.theta_r - q.theta_i) / 2)
-
-
 def fresnel_at(of: Callable[[Any, Any], Array]) -> Change:
     """Take Fresnel's term at another cosine, of the inputs and the rays."""
     return having(fresnel_cosine=of)
@@ -243,21 +238,18 @@ def schlick(cosine: Array, eta: Array) -> Array:
 
 def one_polarisation(cosine: Array, eta: Array) -> Array:
     """Return Fresnel's term of s-polarised light."""
-    inner = np.sqrt(eta**2 - 1 + cosine**2)
-    return np.asarray(((cosine - inner) / (cosine + inner)) ** 2)
+    return amplitudes(cosine, eta)[0] ** 2
 
 
 def other_polarisation(cosine: Array, eta: Array) -> Array:
     """Return Fresnel's term of p-polarised light."""
-    inner = np.sqrt(eta**2 - 1 + cosine**2)
-    return np.asarray(((eta**2 * cosine - inner) / (eta**2 * cosine + inner)) ** 2)
+    return amplitudes(cosine, eta)[1] ** 2
 
 
 def from_inside(cosine: Array, eta: Array) -> Array:
     """Return Fresnel's term for light that comes from inside."""
-    inner = np.sqrt(np.maximum(1 / eta**2 - 1 + cosine**2, 0))
-    s, p = (cosine - inner) / (cosine + inner), (cosine - eta**2 * inner) / (cosine + eta**2 * inner)
-    return np.asarray((s**2 + p**2) / 2)
+    s, p = amplitudes(cosine, 1 / eta)
+    return (s**2 + p**2) / 2
 
 
 def bravais_fresnel(F: Formulas) -> Formulas:
@@ -266,12 +258,7 @@ def bravais_fresnel(F: Formulas) -> Formulas:
     def fresnel(cosine: Array, eta: Array) -> Array:
         sine2 = np.sin(fresnel.theta) ** 2  # type: ignore[attr-defined]
         first = np.sqrt(eta**2 - sine2) / np.cos(fresnel.theta)  # type: ignore[attr-defined]
-        inner = np.sqrt(first**2 - 1 + cosine**2)
-        s = ((cosine - inner) / (cosine + inner)) ** 2
-        second = eta**2 / first
-        inner = np.sqrt(np.maximum(second**2 - 1 + cosine**2, 0))
-        p = (second**2 * cosine - inner) / (second**2 * cosine + inner)
-        return np.asarray((s + p**2) / 2)
+        return (amplitudes(cosine, first)[0] ** 2 + amplitudes(cosine, eta**2 / first)[1] ** 2) / 2
 
     def cosine(q: Any, ray: Any) -> Array:
         fresnel.theta = ray.theta  # type: ignore[attr-defined]
@@ -298,8 +285,7 @@ def swapped_angles(F: Formulas) -> Formulas:
 
 def normal_of_scale(x: Array, s: Array) -> Array:
     """Return a normal density of the logistic's deviation."""
-    width = s * np.pi / np.sqrt(3)
-    return np.asarray(np.exp(-0.5 * (x / width) ** 2) / (width * np.sqrt(2 * np.pi)))
+    return unwrapped_normal(x, s * np.pi / np.sqrt(3))
 
 
 def untrimmed_logistic(x: Array, s: Array) -> Array:

@@ -165,16 +165,17 @@ def _coefficients(F: Formulas) -> Iterator[Variant]:
     m, n = ROOT, SCALE
     powers = [(1, 2, k) for k in (10, 12, 18, 19, 21, 22, 24)] + [(1, 3, 20), (1, 1, 20), (2, 2, 20), (0, 2, 20)]
     for given in powers:
-        yield f"v = (.726 β^{given[0]} + .812 β^{given[1]} + 3.7 β^{given[2]})²", replace(F, variances=_variances(m, given))
+        v = variances_of(m, given)
+        yield f"v = (.726 β^{given[0]} + .812 β^{given[1]} + 3.7 β^{given[2]})²", replace(F, variances=v)
     powers = [(1, 2, k) for k in (10, 12, 18, 20, 21, 23, 24)] + [(1, 3, 22), (1, 1, 22), (2, 2, 22), (0, 2, 22)]
     for given in powers:
         words = f"s = √(π/8) (.265 β^{given[0]} + 1.194 β^{given[1]} + 5.372 β^{given[2]})"
-        yield words, replace(F, scale=_scale(n, given))
+        yield words, replace(F, scale=scale_of(n, given))
     for k in range(3):
         cut = tuple(0.0 if j == k else c for j, c in enumerate(m))
-        yield f"v without its term {k + 1}", replace(F, variances=_variances(cut, (1, 2, 20)))
+        yield f"v without its term {k + 1}", replace(F, variances=variances_of(cut, (1, 2, 20)))
         cut = tuple(0.0 if j == k else c for j, c in enumerate(n))
-        yield f"s without its term {k + 1}", replace(F, scale=_scale(cut, (1, 2, 22)))
+        yield f"s without its term {k + 1}", replace(F, scale=scale_of(cut, (1, 2, 22)))
 
 
 def polynomial(coefficients: tuple[float, ...], powers: tuple[int, ...], x: Array) -> Array:
@@ -182,9 +183,11 @@ def polynomial(coefficients: tuple[float, ...], powers: tuple[int, ...], x: Arra
     return np.asarray(sum(c * x**n for c, n in zip(coefficients, powers, strict=True)))
 
 
-def _variances(c: tuple[float, ...], powers: tuple[int, ...]) -> Any:
+def variances_of(c: tuple[float, ...], powers: tuple[int, ...]) -> Any:
+    """Return Chiang's v of the lobes, with a polynomial of beta_m."""
     return lambda q: [polynomial(c, powers, q.beta_m) ** 2 * k for k in (1, 0.25, 4, 4)]
 
 
-def _scale(c: tuple[float, ...], powers: tuple[int, ...]) -> Any:
+def scale_of(c: tuple[float, ...], powers: tuple[int, ...]) -> Any:
+    """Return Chiang's s, with a polynomial of beta_n."""
     return lambda q: np.sqrt(np.pi / 8) * polynomial(c, powers, q.beta_n)

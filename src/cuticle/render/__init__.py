@@ -1,1 +1,1 @@
-"""What a render needs beside the fibre: grooms."""
+"""Scenes of hair in Mitsuba, pictures of them, and samplings compared by what they cost."""

@@ -210,7 +210,6 @@ def _window(reference: Image, size: int) -> tuple[slice, slice]:
 def sheet(comparison: Comparison) -> bytes:
     """Return a PNG: each sampling at equal time and the reference, with an inset and what it is off by."""
     from matplotlib import colormaps
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
 
@@ -223,7 +222,6 @@ def sheet(comparison: Comparison) -> bytes:
     bright = over_backdrop(comparison.reference)
     exposure = 0.75 / max(float(np.quantile(bright[..., :3], 0.995)), 1e-6)
     figure = Figure(figsize=(3.1 * len(columns), len(techniques) * (3.1 * height / width + 2.0) + 0.5), layout="constrained")
-    FigureCanvasAgg(figure)
     axes = figure.subplots(
         2 * len(techniques), len(columns), squeeze=False, height_ratios=[height / width, 0.52] * len(techniques)
     )
@@ -264,11 +262,9 @@ def sheet(comparison: Comparison) -> bytes:
 
 def curves(comparison: Comparison) -> bytes:
     """Return a PNG: relMSE over time for every sampling and technique."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.2, 4.2), layout="constrained")
-    FigureCanvasAgg(figure)
     ax = figure.subplots()
     for c in comparison.contenders:
         style = "-" if c.technique == "bsdf" else "--"

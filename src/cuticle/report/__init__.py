@@ -1,1 +1,1 @@
-"""Pictures of what was fitted."""
+"""Pages and pictures of what was fitted and of what an audit found."""

@@ -74,6 +74,7 @@ class Chiang(TomlModel, Plotted):
     table_name = "chiang"
     table_remedy = "such as beta_m = 0.3"
     many_viewers = True
+    even = True
 
     beta_m: float = 0.3
     beta_n: float = 0.3
@@ -98,11 +99,6 @@ class Chiang(TomlModel, Plotted):
     def from_dict(cls, data: Mapping[str, Any]) -> Chiang:
         """Return the function that `to_dict` described."""
         return cls(**data["chiang"])
-
-    @property
-    def even(self) -> bool:
-        """Whether f(phi) = f(-phi): true for the far field."""
-        return True
 
     @property
     def absorption(self) -> tuple[float, ...]:

@@ -47,20 +47,6 @@ class Averages(NamedTuple):
     back_shift: NDArray[np.float64]
     back_deviation: NDArray[np.float64]
 
-    @property
-    def pass_on(self) -> NDArray[np.float64]:
-        """The fraction that each strand of a stack passes on; see the function `pass_on`."""
-        return pass_on(self.a_f, self.a_b, self.back_energy)
-
-
-def pass_on(a_f: NDArray[np.float64], a_b: NDArray[np.float64], back_energy: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return s = a_f/(1 - a_b R) with R = a_b + A_b: a fraction s^n of the light on a half space passes n strands.
-
-    This includes light that bounces between strands, over all orders (Stokes 1862, a pile of plates). a_f^n would count only
-    light that was never turned back.
-    """
-    return a_f / (1 - a_b * (a_b + back_energy))
-
 
 @first_class
 @dataclass(frozen=True, eq=False)

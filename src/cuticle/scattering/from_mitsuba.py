@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -276,29 +276,17 @@ def _value(value: Any) -> Any:
     return {"type": "rgb", "value": list(value)} if isinstance(value, (tuple, list)) and len(value) == 3 else value
 
 
-def _variant(name: str) -> AbstractContextManager[Any]:
+@contextmanager
+def _variant(name: str) -> Iterator[Any]:
+    """Mitsuba in a variant, for a while; where none was set, that one stays."""
     import mitsuba as mi
 
-    if mi.variant() == name:
-        return nullcontext(mi)
-    if mi.variant() is None:
-        mi.set_variant(name)
-        return nullcontext(mi)
-    return _Switched(mi, name)
-
-
-class _Switched(AbstractContextManager[Any]):
-    """Mitsuba in another variant, for a while."""
-
-    def __init__(self, mi: Any, name: str) -> None:
-        self._mi, self._name, self._before = mi, name, mi.variant()
-
-    def __enter__(self) -> Any:
-        self._mi.set_variant(self._name)
-        return self._mi
-
-    def __exit__(self, *_: object) -> None:
-        self._mi.set_variant(self._before)
+    before = mi.variant() or name
+    mi.set_variant(name)
+    try:
+        yield mi
+    finally:
+        mi.set_variant(before)
 
 
 def _direction(theta: NDArray, azimuth: NDArray | float) -> NDArray[np.float32]:

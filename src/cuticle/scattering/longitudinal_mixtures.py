@@ -107,7 +107,7 @@ def _lost(theta: Array, share: Array, found: Array) -> Array:
 def _summed(theta: Array, found: Array) -> Array:
     """What shares, axes and variances, (3, ..., M's), put into each row."""
     shares, axes, variances = found
-    return np.asarray((shares[..., None] * _in_rows(theta, axes, variances)).sum(axis=-2), np.float64)
+    return np.asarray((shares[..., None] * m_in_rows(theta, axes, variances)).sum(axis=-2), np.float64)
 
 
 def axis_and_variance(first: Array, second: Array) -> tuple[Array, Array]:
@@ -145,8 +145,8 @@ def _means(sums: Array) -> tuple[Array, Array]:
     return sums[..., 1] / weight, sums[..., 2] / weight
 
 
-def _in_rows(theta: Array, axis: Array, variance: Array) -> Array:
-    """What an M puts into each row, out of 1, shape (..., rows)."""
+def m_in_rows(theta: Array, axis: Array, variance: Array) -> Array:
+    """Return what the energy-conserving M puts into each row, out of 1, shape (..., rows)."""
     rows = len(theta)
     m = np.empty((*axis.shape, rows))
     _core.energy_conserving_m(np.tile(theta, axis.size), np.repeat(axis, rows), np.repeat(variance, rows), m.reshape(-1))
@@ -158,7 +158,7 @@ def _in_rows(theta: Array, axis: Array, variance: Array) -> Array:
 def _nearer(theta: Array, energy: Array, mixture: Array, order: float) -> Array:
     """Shares, axes and variances of mixtures, (3, ..., M's), after a step nearer to energies out of 1."""
     share, axis, variance = mixture
-    of_each = share[..., None] * _in_rows(theta, axis, variance)
+    of_each = share[..., None] * m_in_rows(theta, axis, variance)
     whole = of_each.sum(axis=-2)
     reached = whole > _UNREACHED
     over = np.minimum(energy / np.maximum(whole, _UNREACHED), _MOST) ** (order - 1)

@@ -12,13 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cuticle import _core
 from cuticle._support.interpolation import monotone
 from cuticle.scattering.azimuthal import azimuthal_tables
 from cuticle.scattering.chiang import Chiang
 from cuticle.scattering.fibre import Fibre
 from cuticle.scattering.fibre_tables import ThroughTables
-from cuticle.scattering.longitudinal_mixtures import longitudinal_mixtures
+from cuticle.scattering.longitudinal_mixtures import longitudinal_mixtures, m_in_rows
 from cuticle.scattering.strand_transport import PASSED, Directions, Scattering, StrandTransport, azimuth_cells
 
 Array = NDArray[np.float64]
@@ -222,18 +221,8 @@ def _parts(fibre: Fibre | Chiang, channel: int, d: Directions) -> list[Scatterin
 def _part(d: Directions, density: Array, tilt: float, variance: float) -> Scattering:
     """A product of densities of phi, (rows, fine_phi), and of an M."""
     cell, point = azimuth_cells(d, density)
-    into = longitudinal_cells(d, d.theta + tilt, np.full(d.rows, variance))
+    into = m_in_rows(d.fine_theta, d.theta + tilt, np.full(d.rows, variance)).reshape(d.rows, d.rows, -1).sum(axis=2)
     return Scattering(d, cell[:, :, None] * into, point[:, :, None] * into)
-
-
-def longitudinal_cells(d: Directions, axis: Array, variance: Array) -> Array:
-    """Return the energy of the energy-conserving M in each row, shape (len(axis), rows)."""
-    theta = d.fine_theta
-    m = np.empty(len(axis) * len(theta))
-    _core.energy_conserving_m(np.tile(theta, len(axis)), np.repeat(axis, len(theta)), np.repeat(variance, len(theta)), m)
-    energy = m.reshape(len(axis), -1) * np.cos(theta)
-    into = energy.reshape(len(axis), d.rows, -1).sum(axis=2)
-    return into / into.sum(axis=1, keepdims=True)
 
 
 def _of_parts(d: Directions, seen: Array, halfway: Array) -> tuple[Array, Array, Array]:

@@ -70,7 +70,7 @@ class Printer:
     """
 
     constant = ""  # what stands before a constant table
-    closed = ""  # what stands after an array's items
+    closed = "}"  # what stands after an array's items
     suffix = ""  # what stands after a float's digits
     next = "++{}"  # what counts a variable up
     directives = True  # whether there is a preprocessor
@@ -87,11 +87,11 @@ class Printer:
 
     def opened(self, kind: str, length: int) -> str:
         """What stands before an array's items."""
-        raise NotImplementedError
+        return "{"
 
     def splat(self, kind: Vector, text: str) -> str:
         """A number in every component."""
-        raise NotImplementedError
+        return f"{self.type(kind)}({text})"
 
     def masked(self, kind: Vector, operands: tuple[Node, ...]) -> str:
         """A choice between the components of two vectors."""
@@ -99,11 +99,12 @@ class Printer:
 
     def compared(self, symbol: str, operands: tuple[Node, ...]) -> str:
         """A comparison of vectors, component by component."""
-        raise NotImplementedError
+        a, b = operands
+        return f"({self.node(a, 6)} {symbol} {self.node(b, 6)})"
 
     def struct_from(self, kind: Record, items: list[str]) -> str | None:
         """An expression that makes a struct; None where the language has none."""
-        raise NotImplementedError
+        return f"{self.type(kind)}({', '.join(items)})"
 
     # -- names and types --
 

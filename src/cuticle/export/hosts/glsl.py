@@ -5,11 +5,10 @@ from __future__ import annotations
 from types import MappingProxyType
 
 from cuticle.export.formulas import Printer
-from cuticle.export.formulas.tree import Node, Record, Vector
-from cuticle.export.registry import Host
+from cuticle.export.formulas.tree import Node, Vector
 from cuticle.export.reserved_words import GLSL
-from cuticle.export.shader import Dialect, shader
-from cuticle.export.shader_family import family_shader
+from cuticle.export.shader import Dialect
+from cuticle.export.shader_family import shader_host
 
 _COMPARE = {
     "<": "lessThan", ">": "greaterThan", "<=": "lessThanEqual", ">=": "greaterThanEqual", "==": "equal", "!=": "notEqual",
@@ -37,10 +36,6 @@ class Glsl(Printer):
         """type[n](...)."""
         return f"{kind}[{length}]("
 
-    def splat(self, kind: Vector, text: str) -> str:
-        """vec3(x)."""
-        return f"{self.type(kind)}({text})"
-
     def masked(self, kind: Vector, operands: tuple[Node, ...]) -> str:
         """Mix with a mask."""
         mask, a, b = map(self.node, operands)
@@ -50,10 +45,6 @@ class Glsl(Printer):
         """LessThan and its kin."""
         return f"{_COMPARE[symbol]}({', '.join(map(self.node, operands))})"
 
-    def struct_from(self, kind: Record, items: list[str]) -> str | None:
-        """A struct's constructor."""
-        return f"{self.type(kind)}({', '.join(items)})"
-
 
 DIALECT = Dialect(
     printer=Glsl,
@@ -62,11 +53,6 @@ DIALECT = Dialect(
     texture="uniform highp sampler2D {name}_model;",
     fetch="texelFetch({name}_model, ivec2((i) % {width}, (i) / {width}), 0)",
 )
-HOST = Host(
-    "GLSL ES 3.00 and 4.50, without loops of varying length",
-    lambda job: shader(job, DIALECT),
-    lambda job: family_shader(job, DIALECT),
-    textured=True,
-    reserved=GLSL,
-    reserved_prefixes=("gl_",),
+HOST = shader_host(
+    "GLSL ES 3.00 and 3.30 to 4.60, without loops of varying length", DIALECT, reserved=GLSL, reserved_prefixes=("gl_",)
 )

@@ -6,10 +6,9 @@ from collections.abc import Iterable
 
 from cuticle.export.formulas import Printer
 from cuticle.export.formulas.tree import Instance, Node, Record, Vector
-from cuticle.export.registry import Host
 from cuticle.export.reserved_words import HLSL
-from cuticle.export.shader import Dialect, shader
-from cuticle.export.shader_family import family_shader
+from cuticle.export.shader import Dialect
+from cuticle.export.shader_family import shader_host
 
 _WORDS = """
     asm centroid cast class const compile export extern far half in inline inout interface line lineadj linear
@@ -24,7 +23,6 @@ class Hlsl(Printer):
     """HLSL's words."""
 
     constant = "static const"
-    closed = "}"
     words = frozenset(_WORDS.split())
 
     def __init__(self, prefix: str) -> None:
@@ -42,10 +40,6 @@ class Hlsl(Printer):
         each = ", ".join(f"mask.{c} ? a.{c} : b.{c}" for c in "xyzw"[:size])
         return f"{kind} {self.function('choose')}({mask} mask, {kind} a, {kind} b) {{ return {kind}({each}); }}\n\n"
 
-    def opened(self, kind: str, length: int) -> str:
-        """{...}."""
-        return "{"
-
     def splat(self, kind: Vector, text: str) -> str:
         """A cast: HLSL has no constructor of one number."""
         return f"(({self.type(kind)})({text}))"
@@ -54,11 +48,6 @@ class Hlsl(Printer):
         """The function of `choice`."""
         self.choices.add(kind.size)
         return f"{self.function('choose')}({', '.join(map(self.node, operands))})"
-
-    def compared(self, symbol: str, operands: tuple[Node, ...]) -> str:
-        """Operators compare component by component."""
-        a, b = operands
-        return f"({self.node(a, 6)} {symbol} {self.node(b, 6)})"
 
     def struct_from(self, kind: Record, items: list[str]) -> str | None:
         """HLSL has no constructor of structs."""
@@ -72,11 +61,4 @@ DIALECT = Dialect(
     texture="Texture2D<float4> {name}_model;",
     fetch="{name}_model.Load(int3((i) % {width}, (i) / {width}, 0))",
 )
-HOST = Host(
-    "the same in HLSL",
-    lambda job: shader(job, DIALECT),
-    lambda job: family_shader(job, DIALECT),
-    textured=True,
-    reserved=HLSL,
-    reserved_prefixes=("SV_",),
-)
+HOST = shader_host("the same in HLSL", DIALECT, reserved=HLSL, reserved_prefixes=("SV_",))

@@ -9,10 +9,9 @@ from cuticle.export.formulas import Printer
 from cuticle.export.formulas.calls import Calls
 from cuticle.export.formulas.printer import flat
 from cuticle.export.formulas.tree import Array, Instance, Invoke, Node, Record, Type, Vector
-from cuticle.export.registry import Host
 from cuticle.export.reserved_words import METAL
-from cuticle.export.shader import Dialect, shader
-from cuticle.export.shader_family import family_shader
+from cuticle.export.shader import Dialect
+from cuticle.export.shader_family import shader_host
 
 _FUNCTIONS = ("abs", "any", "atan2", "clamp", "dot", "exp", "floor", "log", "max", "min", "select", "sqrt")
 _MODEL = "model"  # the host's macro that reads the scattering function's texture, `model_`
@@ -22,7 +21,6 @@ class Metal(Printer):
     """C++14's words. No texture is global: functions that read the model's are given it."""
 
     constant = "constant"
-    closed = "}"
     suffix = "f"
     functions = MappingProxyType({name: f"metal::{name}" for name in _FUNCTIONS})
     words = METAL
@@ -38,10 +36,6 @@ class Metal(Printer):
         self.calls = Calls(items)
         self.reading = {name for name, _ in self.calls.external(_MODEL)}
         return super().text(items)
-
-    def opened(self, kind: str, length: int) -> str:
-        """{...}."""
-        return "{"
 
     def parameter(self, name: str, kind: Type, out: bool) -> str:
         """A reference where it is written to, and to arrays: they are no values."""
@@ -61,19 +55,10 @@ class Metal(Printer):
         """The texture, too, where it is read."""
         return super().given_to(x) + ["model_"] * (not x.external and x.name in self.reading)
 
-    def splat(self, kind: Vector, text: str) -> str:
-        """float3(x)."""
-        return f"{self.type(kind)}({text})"
-
     def masked(self, kind: Vector, operands: tuple[Node, ...]) -> str:
         """What is chosen comes last."""
         mask, a, b = map(self.node, operands)
         return f"metal::select({b}, {a}, {mask})"
-
-    def compared(self, symbol: str, operands: tuple[Node, ...]) -> str:
-        """Operators compare component by component."""
-        a, b = operands
-        return f"({self.node(a, 6)} {symbol} {self.node(b, 6)})"
 
     def struct_from(self, kind: Record, items: list[str]) -> str | None:
         """Braces after its name."""
@@ -89,11 +74,4 @@ DIALECT = Dialect(
     fetch="model_.read(uint2(uint(i) % {width}u, uint(i) / {width}u))",
     model="The scattering function reads a texture, which its functions are given last, as model_",
 )
-HOST = Host(
-    "Metal's shading language",
-    lambda job: shader(job, DIALECT),
-    lambda job: family_shader(job, DIALECT),
-    textured=True,
-    reserved=METAL,
-    reserved_prefixes=("__", "metal"),
-)
+HOST = shader_host("Metal's shading language", DIALECT, reserved=METAL, reserved_prefixes=("__", "metal"))

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from cuticle.export.formulas import Printer
 from cuticle.export.formulas.tree import Node, Vector
 from cuticle.export.hosts import hlsl
-from cuticle.export.registry import Host
 from cuticle.export.reserved_words import SLANG
-from cuticle.export.shader import shader
-from cuticle.export.shader_family import family_shader
+from cuticle.export.shader_family import shader_host
 
 _WORDS = """
     This extension func import internal let property public select var where
@@ -21,9 +20,7 @@ class Slang(hlsl.Hlsl):
 
     words = hlsl.Hlsl.words | frozenset(_WORDS.split())
 
-    def splat(self, kind: Vector, text: str) -> str:
-        """float3(x)."""
-        return f"{self.type(kind)}({text})"
+    splat = Printer.splat  # not HLSL's cast
 
     def masked(self, kind: Vector, operands: tuple[Node, ...]) -> str:
         """A choice component by component."""
@@ -34,11 +31,4 @@ DIALECT = replace(
     hlsl.DIALECT, printer=Slang, name="SLANG",
     about="For Slang: import it, or include it; slangc compiles it for SPIR-V, WGSL, Metal, CUDA, HLSL and the CPU.",
 )  # fmt: skip
-HOST = Host(
-    "Slang",
-    lambda job: shader(job, DIALECT),
-    lambda job: family_shader(job, DIALECT),
-    textured=True,
-    reserved=SLANG,
-    reserved_prefixes=("SV_", "slang"),
-)
+HOST = shader_host("Slang", DIALECT, reserved=SLANG, reserved_prefixes=("SV_", "slang"))

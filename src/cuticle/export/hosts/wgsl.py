@@ -10,10 +10,9 @@ from cuticle.export.formulas.calls import Calls
 from cuticle.export.formulas.printer import flat
 from cuticle.export.formulas.syntax import SubsetError
 from cuticle.export.formulas.tree import Array, Instance, Invoke, Let, Local, Node, Operation, Record, Type, Vector
-from cuticle.export.registry import Host
 from cuticle.export.reserved_words import WGSL
-from cuticle.export.shader import Dialect, shader
-from cuticle.export.shader_family import family_shader
+from cuticle.export.shader import Dialect
+from cuticle.export.shader_family import shader_host
 
 _PLAIN = {"float": "f32", "int": "i32", "bool": "bool"}
 _NUMBERS = {
@@ -122,19 +121,10 @@ class Wgsl(Printer):
         """A comparison in brackets."""
         return self.node(x, 6 if isinstance(x, Operation) and x.symbol in _COMPARE else 0)
 
-    def splat(self, kind: Vector, text: str) -> str:
-        """vec3<f32>(x)."""
-        return f"{self.type(kind)}({text})"
-
     def masked(self, kind: Vector, operands: tuple[Node, ...]) -> str:
         """What is chosen comes last."""
         mask, a, b = operands
         return f"select({self.node(b)}, {self.node(a)}, {self.argument(mask)})"
-
-    def compared(self, symbol: str, operands: tuple[Node, ...]) -> str:
-        """Operators compare component by component."""
-        a, b = operands
-        return f"({self.node(a, 6)} {symbol} {self.node(b, 6)})"
 
     def operation(self, x: Operation) -> tuple[str, int]:
         """No `?`; and no && beside || without brackets."""
@@ -150,10 +140,6 @@ class Wgsl(Printer):
             return f"{a} {x.symbol} {b}", 3 if x.symbol == "&&" else 2
         return super().operation(x)
 
-    def struct_from(self, kind: Record, items: list[str]) -> str | None:
-        """A struct's constructor."""
-        return f"{self.type(kind)}({', '.join(items)})"
-
 
 DIALECT = Dialect(
     printer=Wgsl,
@@ -163,11 +149,4 @@ DIALECT = Dialect(
     fetch="textureLoad({name}_model, vec2<i32>(i % {width}, i / {width}), 0)",
     replaced="write another function {}",
 )
-HOST = Host(
-    "WGSL, for WebGPU",
-    lambda job: shader(job, DIALECT),
-    lambda job: family_shader(job, DIALECT),
-    textured=True,
-    reserved=WGSL,
-    reserved_prefixes=("__",),
-)
+HOST = shader_host("WGSL, for WebGPU", DIALECT, reserved=WGSL, reserved_prefixes=("__",))
