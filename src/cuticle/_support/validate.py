@@ -145,6 +145,14 @@ def angles(name: str, value: ArrayLike, limit: float, dtype: Any) -> NDArray:
     return array(name, value, -limit, limit, dtype, remedy=RADIANS)
 
 
+def directions(
+    theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike, dtype: Any = np.float64
+) -> tuple[NDArray, NDArray, NDArray]:
+    """Return theta_i and theta_r in ±pi/2 and phi, their difference in azimuth, in ±4 pi."""
+    ti, tr = angles("theta_i", theta_i, HALF_PI, dtype), angles("theta_r", theta_r, HALF_PI, dtype)
+    return ti, tr, angles("phi", phi, 4 * np.pi, dtype)
+
+
 def random_triples(u: ArrayLike, dtype: Any, meaning: str = "lobe, theta, phi") -> NDArray:
     """Return `u` as an array of shape (..., 3), random numbers in [0, 1); `meaning` says what the three are for."""
     x = array("u", u, 0, 1, dtype, remedy="u are random numbers in [0, 1)", open_end=True)

@@ -104,28 +104,11 @@ app = typer.Typer(
 )
 
 
-def _version() -> str:
-    from cuticle._support.version import __version__
-
-    return __version__
-
-
-def _include_dir() -> object:
-    from cuticle.export.headers import include_dir
-
-    return include_dir()
-
-
-def _cmake_dir() -> object:
-    from cuticle.export.headers import cmake_dir
-
-    return cmake_dir()
-
-
-def _print_and_exit(text: Callable[[], object]) -> Callable[[bool], None]:
+def _print_and_exit(module: str, name: str) -> Callable[[bool], None]:
     def act(asked: bool) -> None:
         if asked:
-            print(text())
+            found = getattr(importlib.import_module(module), name)
+            print(found() if callable(found) else found)
             raise typer.Exit
 
     return act
@@ -134,7 +117,13 @@ def _print_and_exit(text: Callable[[], object]) -> Callable[[bool], None]:
 @app.callback()
 def _options(
     version: Annotated[
-        bool, typer.Option("--version", help="Print the version.", is_eager=True, callback=_print_and_exit(_version))
+        bool,
+        typer.Option(
+            "--version",
+            help="Print the version.",
+            is_eager=True,
+            callback=_print_and_exit("cuticle._support.version", "__version__"),
+        ),
     ] = False,
     include: Annotated[
         bool,
@@ -142,7 +131,7 @@ def _options(
             "--include-dir",
             help="Print the folder of the C++ headers.",
             is_eager=True,
-            callback=_print_and_exit(_include_dir),
+            callback=_print_and_exit("cuticle.export.headers", "include_dir"),
         ),
     ] = False,
     cmake: Annotated[
@@ -151,7 +140,7 @@ def _options(
             "--cmake-dir",
             help="Print the folder of cuticleConfig.cmake.",
             is_eager=True,
-            callback=_print_and_exit(_cmake_dir),
+            callback=_print_and_exit("cuticle.export.headers", "cmake_dir"),
         ),
     ] = False,
 ) -> None:

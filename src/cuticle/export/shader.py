@@ -167,18 +167,7 @@ def model_texels(tables: Tables) -> NDArray[np.float32]:
     Of a fibre N; then what comes through other strands, or the spread N and the averages, or the energies past TRT. Of a
     table its shape, then its energies.
     """
-    if isinstance(tables, FunctionTable):
-        parts = [tables.shape, tables.log_energy]
-    else:
-        parts = [tables.direct]
-        if tables.spread is not None:
-            parts.append(tables.spread)
-        if tables.through is not None:
-            parts += [x.astype(np.float32) for x in tables.through[:4]]
-        if tables.averages is not None:
-            parts.append(tables.averages)
-        if tables.rest is not None:
-            parts.append(tables.rest)
+    parts = [tables.shape, tables.log_energy] if isinstance(tables, FunctionTable) else tables.parts
     return texture_rows(np.concatenate([p.reshape(-1, p.shape[-1]) for p in parts]))
 
 

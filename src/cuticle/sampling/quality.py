@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -20,6 +21,9 @@ _LEAST_DENSITY = 1e-30  # 1/sr
 _LEAST_SQRT = 1e-100  # of a density's square: where no channel has light
 _GAP = 1e-5  # of `ChannelBounds.worst`, relative
 _STEPS = 100  # toward it; 12 are usual
+
+
+_Edges = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 class Density(Protocol):
@@ -91,15 +95,7 @@ def measure(sampler: Density, model: Bcsdf, theta_r: float, strands: float | Non
     if not callable(getattr(sampler, "pdf", None)):
         raise TypeError(f"sampler must have pdf(theta_i, theta_r, phi), got {type(sampler).__name__}")
     check_model(model)
-    theta_r = validate.number("theta_r", theta_r, -validate.HALF_PI, validate.HALF_PI, unit="rad", remedy=validate.RADIANS)
-    even = is_even(model)
-
-    def values(g: Grid) -> NDArray[np.float64]:
-        return evaluate(model, g.theta, theta_r, g.phi)
-
-    # Cells follow f·cos; in this measure every integrand below is smooth.
-    edges = adapted_edges(lambda c: luminance(values(c)) * np.cos(c.theta)[:, None], even=even, coarse=_COARSE, fine=_FINE)
-    sides = 2 if even else 1
+    theta_r, sides, values, edges = _over_both_angles(model, theta_r)
     g = grid(*edges, _ORDER)
     f = values(g)  # f cos, per steradian
     solid_angle = g.weights * np.cos(g.theta)[:, None] * sides
@@ -118,6 +114,21 @@ def measure(sampler: Density, model: Bcsdf, theta_r: float, strands: float | Non
         light = float((lower.weights * np.cos(lower.theta)[:, None] * luminance(values(lower))).sum()) * sides
         apart = abs(light - float(energy[-1]))
     return Quality(float(ess[-1]), tuple(map(float, ess[:-1])), weight, tuple(map(float, energy[:-1])), apart, variation)
+
+
+def _over_both_angles(model: Bcsdf, theta_r: float) -> tuple[float, int, Callable[[Grid], NDArray[np.float64]], _Edges]:
+    """The viewer's inclination, once it is checked; on how many sides phi is; f cos on a grid; and edges of cells.
+
+    Cells follow f·cos: in this measure the integrands are smooth.
+    """
+    theta_r = validate.number("theta_r", theta_r, -validate.HALF_PI, validate.HALF_PI, unit="rad", remedy=validate.RADIANS)
+    even = is_even(model)
+
+    def values(g: Grid) -> NDArray[np.float64]:
+        return evaluate(model, g.theta, theta_r, g.phi)
+
+    edges = adapted_edges(lambda c: luminance(values(c)) * np.cos(c.theta)[:, None], even=even, coarse=_COARSE, fine=_FINE)
+    return theta_r, 2 if even else 1, values, edges
 
 
 @dataclass(frozen=True)
@@ -146,15 +157,9 @@ def channel_bounds(model: Bcsdf, theta_r: float) -> ChannelBounds:
     smallest sum is the largest give `worst`.
     """
     check_model(model)
-    theta_r = validate.number("theta_r", theta_r, -validate.HALF_PI, validate.HALF_PI, unit="rad", remedy=validate.RADIANS)
-    even = is_even(model)
-
-    def values(g: Grid) -> NDArray[np.float64]:
-        return evaluate(model, g.theta, theta_r, g.phi)
-
-    edges = adapted_edges(lambda c: luminance(values(c)) * np.cos(c.theta)[:, None], even=even, coarse=_COARSE, fine=_FINE)
+    theta_r, sides, values, edges = _over_both_angles(model, theta_r)
     g = grid(*edges, 2)
-    weight = (g.weights * np.cos(g.theta)[:, None] * (2 if even else 1)).ravel()
+    weight = (g.weights * np.cos(g.theta)[:, None] * sides).ravel()
     f = values(g).reshape(weight.size, -1)
     energy = weight @ f
     square = (f / np.where(energy > 0, energy, 1)) ** 2

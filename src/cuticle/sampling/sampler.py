@@ -166,9 +166,7 @@ class Sampler(Value):
             An angle is out of range or not a number, shapes do not broadcast, or strands are missing.
         """
         dtype = validate.float_type(theta_i, theta_r, phi)
-        ti = validate.angles("theta_i", theta_i, validate.HALF_PI, dtype)
-        tr = validate.angles("theta_r", theta_r, validate.HALF_PI, dtype)
-        ph = validate.angles("phi", phi, 4 * math.pi, dtype)
+        ti, tr, ph = validate.directions(theta_i, theta_r, phi, dtype)
         n = self._strands(strands, dtype)
         shape = validate.broadcast(theta_i=ti, theta_r=tr, phi=ph, strands=n)
         out = np.empty(math.prod(shape), dtype)

@@ -252,9 +252,7 @@ class Family(Value):
             1/sr: f without a cosine, of the broadcast shape plus a last axis of channels; and the density.
         """
         dtype = validate.float_type(theta_i, theta_r, phi)
-        ti = validate.angles("theta_i", theta_i, validate.HALF_PI, dtype)
-        tr = validate.angles("theta_r", theta_r, validate.HALF_PI, dtype)
-        ph = validate.angles("phi", phi, 4 * math.pi, dtype)
+        ti, tr, ph = validate.directions(theta_i, theta_r, phi, dtype)
         around, own = self._around(values, dtype)
         fibres = self._fibres(fibre, own)
         shape = validate.broadcast(theta_i=ti, theta_r=tr, phi=ph, fibres=np.empty(fibres.shape), **around.arrays)

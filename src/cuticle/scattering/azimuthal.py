@@ -64,12 +64,8 @@ def evaluate_core(
 
     With `behind`, both numbers of strands are expectations.
     """
-    arrays = {
-        "theta_i": validate.angles("theta_i", theta_i, validate.HALF_PI, np.float64),
-        "theta_r": validate.angles("theta_r", theta_r, validate.HALF_PI, np.float64),
-        "phi": validate.angles("phi", phi, 4 * np.pi, np.float64),
-        "strands": np.asarray(strands, np.float64),
-    }
+    arrays = dict(zip(("theta_i", "theta_r", "phi"), validate.directions(theta_i, theta_r, phi), strict=True))
+    arrays["strands"] = np.asarray(strands, np.float64)
     if behind is not None:
         arrays["behind"] = behind
     shape = validate.broadcast(**arrays)

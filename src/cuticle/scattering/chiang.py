@@ -291,9 +291,7 @@ class ChiangNear(Value, Plotted):
     def _angles(
         self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike
     ) -> tuple[tuple[int, ...], tuple[NDArray, NDArray, NDArray, NDArray]]:
-        ti = validate.angles("theta_i", theta_i, validate.HALF_PI, np.float64)
-        tr = validate.angles("theta_r", theta_r, validate.HALF_PI, np.float64)
-        ph = validate.angles("phi", phi, 4 * math.pi, np.float64)
+        ti, tr, ph = validate.directions(theta_i, theta_r, phi)
         shape = validate.broadcast(theta_i=ti, theta_r=tr, phi=ph, h=self.h)
         flat = validate.flat
         return shape, (flat(ti, shape), flat(tr, shape), flat(ph, shape), flat(self.h, shape))

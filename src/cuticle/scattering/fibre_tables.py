@@ -92,10 +92,15 @@ class FibreTables:
         return self.direct.shape[3]
 
     @property
+    def parts(self) -> list[NDArray]:
+        """The tables that there are, in the order of exports."""
+        through = () if self.through is None else self.through[:4]
+        return [t for t in (self.direct, self.spread, *through, self.averages, self.rest) if t is not None]
+
+    @property
     def size(self) -> int:
         """Bytes in single precision."""
-        through = () if self.through is None else self.through[:4]
-        return sum(4 * t.size for t in (self.direct, self.spread, self.averages, self.rest, *through) if t is not None)
+        return sum(4 * t.size for t in self.parts)
 
     def thinned(self, row_step: int, column_step: int) -> FibreTables:
         """Return every so many rows and columns of them; all averages, few as they are, whose powers strands take."""

@@ -40,9 +40,7 @@ class Function(Value, Plotted):
 
     def eval(self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike) -> NDArray[np.float64]:
         """Return f in 1/sr, without a cosine; arrays broadcast, the last axis is channels."""
-        ti = validate.angles("theta_i", theta_i, validate.HALF_PI, np.float64)
-        tr = validate.angles("theta_r", theta_r, validate.HALF_PI, np.float64)
-        ph = validate.angles("phi", phi, 4 * np.pi, np.float64)
+        ti, tr, ph = validate.directions(theta_i, theta_r, phi)
         shape = validate.broadcast(theta_i=ti, theta_r=tr, phi=ph)
         return _call(self.function, *(np.array(np.broadcast_to(x, shape)) for x in (ti, tr, ph)))
 

@@ -153,9 +153,7 @@ class MitsubaBsdf(Value, Plotted):
     def _ask(
         self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike, what: Callable[..., Any]
     ) -> tuple[tuple[NDArray, ...], tuple[int, ...], NDArray]:
-        ti = validate.angles("theta_i", theta_i, validate.HALF_PI, np.float64)
-        tr = validate.angles("theta_r", theta_r, validate.HALF_PI, np.float64)
-        ph = validate.angles("phi", phi, 4 * np.pi, np.float64)
+        ti, tr, ph = validate.directions(theta_i, theta_r, phi)
         shape = validate.broadcast(theta_i=ti, theta_r=tr, phi=ph)
         ti, tr, ph = (np.broadcast_to(x, shape).ravel() for x in (ti, tr, ph))
         wi, wo = _direction(tr, self._viewer), _direction(ti, ph + self._viewer)

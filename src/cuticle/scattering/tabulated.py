@@ -154,9 +154,7 @@ class Tabulated(Value, Plotted):
 
     def eval(self, theta_i: ArrayLike, theta_r: ArrayLike, phi: ArrayLike) -> NDArray[np.float64]:
         """Return f in 1/sr, without a cosine; angles in radians broadcast, the last axis is channels."""
-        ti = validate.angles("theta_i", theta_i, validate.HALF_PI, np.float64)
-        tr = validate.angles("theta_r", theta_r, validate.HALF_PI, np.float64)
-        ph = validate.angles("phi", phi, 4 * np.pi, np.float64)
+        ti, tr, ph = validate.directions(theta_i, theta_r, phi)
         shape = validate.broadcast(theta_i=ti, theta_r=tr, phi=ph)
         if tr.size == 1 and ti.ndim == 2 and ti.shape[1] == 1 and ph.shape in ((shape[1],), (1, shape[1])):
             return self._grid(ti[:, 0], float(tr.ravel()[0]), ph.ravel())
