@@ -104,44 +104,27 @@ app = typer.Typer(
 )
 
 
-def _print_and_exit(module: str, name: str) -> Callable[[bool], None]:
+def _answer(option: str, text: str, module: str, name: str) -> Any:
+    """An option that prints what a module has by a name, and ends."""
+
     def act(asked: bool) -> None:
         if asked:
             found = getattr(importlib.import_module(module), name)
             print(found() if callable(found) else found)
             raise typer.Exit
 
-    return act
+    return typer.Option(option, help=text, is_eager=True, callback=act)
+
+
+_VERSION, _HEADERS = "cuticle._support.version", "cuticle.export.headers"
 
 
 @app.callback()
 def _options(
-    version: Annotated[
-        bool,
-        typer.Option(
-            "--version",
-            help="Print the version.",
-            is_eager=True,
-            callback=_print_and_exit("cuticle._support.version", "__version__"),
-        ),
-    ] = False,
-    include: Annotated[
-        bool,
-        typer.Option(
-            "--include-dir",
-            help="Print the folder of the C++ headers.",
-            is_eager=True,
-            callback=_print_and_exit("cuticle.export.headers", "include_dir"),
-        ),
-    ] = False,
+    version: Annotated[bool, _answer("--version", "Print the version.", _VERSION, "__version__")] = False,
+    include: Annotated[bool, _answer("--include-dir", "Print the folder of C++ headers.", _HEADERS, "include_dir")] = False,
     cmake: Annotated[
-        bool,
-        typer.Option(
-            "--cmake-dir",
-            help="Print the folder of cuticleConfig.cmake.",
-            is_eager=True,
-            callback=_print_and_exit("cuticle.export.headers", "cmake_dir"),
-        ),
+        bool, _answer("--cmake-dir", "Print the folder of cuticleConfig.cmake.", _HEADERS, "cmake_dir")
     ] = False,
 ) -> None:
     pass
