@@ -190,7 +190,7 @@ def strands(fibres: int) -> None:
     for column in ("fibres", "number", "strands", "mean", "1st percentile", "worst", "at .9 or more"):
         listing.add_column(column, justify="left" if column == "fibres" else "right")
     for form in ("chiang", "marschner"):
-        found: dict[int, list[float]] = {n: [] for n in (1, 2, 4, 8)}
+        found: dict[int, list[float]] = {n: [] for n in (1, 2, 3, 4, 6, 8, 12)}
         seen = []
         for _ in track(range(fibres), form, console=Console(stderr=True), disable=not sys.stderr.isatty()):
             fibre, single = random_fibre(form, rng)

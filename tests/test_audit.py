@@ -339,6 +339,14 @@ def test_a_sampler_that_gives_next_to_no_direction_is_inconclusive(rows: int, ou
         assert "f is 0 in all directions" in repr(dark)
 
 
+def test_a_sampler_of_nan_does_not_pass() -> None:
+    def sample(theta_r: float, u: np.ndarray) -> tuple[np.ndarray, ...]:
+        return (np.full(len(u), np.nan),) * 3
+
+    assert audit(sample, lambda theta, theta_r, phi: np.full(len(theta), np.nan), theta_r=[0.0]).outcome != "pass"
+
+
+@pytest.mark.slow  # Mitsuba is asked a direction at a time
 def test_a_plugin_without_directions_is_inconclusive(use_variant: Callable[[str], Any]) -> None:
     use_variant("scalar_rgb")
     done = run("audit", "mitsuba:hair", "longitudinal_roughness=nan", "--samples", "10000", "--theta-r", "0")

@@ -218,7 +218,9 @@ def test_rgb_objective_trades_luminance_for_the_worst_channel() -> None:
 
 
 def test_program_chooses_the_lobes() -> None:
-    result = fit(Marschner(Fibre.preset("black")), None)
+    shares: list[float] = []
+    result = fit(Marschner(Fibre.preset("black")), None, progress=lambda phase, share: shares.append(share))
+    assert shares == sorted(shares)
     best = max(result.candidates, key=lambda c: c.efficiency)
     assert result.sampler.lobes == best.lobes
     assert [c.lobes for c in result.candidates] == list(range(1, len(result.candidates) + 1))

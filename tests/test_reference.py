@@ -98,7 +98,7 @@ def test_a_plain_factor_is_named_alone(factor: float) -> None:
     assert f"verdict: WRONG (f: f × {factor:g})" in str(found)
 
 
-@pytest.mark.parametrize("lobe", [0, 2])
+@pytest.mark.parametrize("lobe", [0, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_missing_lobe_is_named(lobe: int) -> None:
     missing = attenuation_by(lobe, lambda a, f, t: 0 * a)(F)
     found = check(submission(NEAR, evaluate(missing, NEAR).f, single=True))
@@ -149,4 +149,4 @@ def test_values_of_few_digits_are_told_of(cell: str, tmp_path: Path) -> None:
     header = [*NEAR.columns, *SIGMAS, "f_r", "f_g", "f_b"]
     rows = [[*map(repr, NEAR.row(i).values()), *(cell % x for x in right[i])] for i in range(60)]
     (tmp_path / "mine.csv").write_text("\n".join(map(",".join, [header, *rows])) + "\n")
-    assert any("digits: write nine (%.9g)" in note for note in check(tmp_path / "mine.csv").notes)
+    assert any("digits: write nine (%.9g)" in note for note in check(tmp_path / "mine.csv", tolerance=0.01).notes)

@@ -12,7 +12,6 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
     using FloatBuffer = DynamicBuffer<Float>;
     using Memory = cuticle_mitsuba::Memory<Float>;
     using Model = cuticle::DualScatteringModel<float, Memory>;
-    using Channel = cuticle::ChannelBetween<Float>;
 
     CuticleBSDF(const Properties &props) : Base(props) {
         const auto three = [&](const char *name, float *to) {

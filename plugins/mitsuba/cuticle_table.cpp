@@ -11,7 +11,7 @@ NAMESPACE_BEGIN(mitsuba)
 
 template <typename Float, typename Spectrum> class CuticleTable final : public HairBSDF<Float, Spectrum> {
   public:
-    MI_IMPORT_BASE(HairBSDF, m_about)
+    MI_IMPORT_BASE(HairBSDF)
     using typename Base::Angles;
     MI_IMPORT_TYPES(Texture)
     static constexpr int most_channels = 3;
@@ -44,9 +44,9 @@ template <typename Float, typename Spectrum> class CuticleTable final : public H
             counts.imbue(std::locale::classic());  // whatever the host has set: 0.5 has a point
             for (float n; counts >> n;) strands.push_back(n);
             if (s.ndim() != 5 || e.ndim() != 3 || s.shape(0) != strands.size() || e.shape(0) != strands.size() ||
-                s.shape(4) > most_channels || e.shape(2) != s.shape(4))
+                (s.shape(4) != 1 && s.shape(4) != most_channels) || e.shape(2) != s.shape(4))
                 Throw(
-                    "a table's shape must be (counts, viewers, rows, columns, 1 to 3 channels), its energies' (counts, "
+                    "a table's shape must be (counts, viewers, rows, columns, 1 or 3 channels), its energies' (counts, "
                     "viewers, channels)");
             viewers = int(s.shape(1));
             rows = int(s.shape(2));

@@ -19,15 +19,23 @@ template <typename Float, typename Spectrum> class CuticleValues final : public 
   public:
     MI_IMPORT_TYPES(Texture)
     using Base = Texture;
-    using FloatBuffer = DynamicBuffer<Float>;
 
     CuticleValues(const Properties &props) : Base(props) {
         m_values = props.get_any<TensorXf>("values");
         check();
+        m_accepted = m_values;
     }
 
     void traverse(TraversalCallback *cb) override { cb->put("values", m_values, ParamFlags::Differentiable); }
-    void parameters_changed(const std::vector<std::string> & = {}) override { check(); }
+    void parameters_changed(const std::vector<std::string> & = {}) override {
+        try {
+            check();
+        } catch (...) {  // what is refused leaves the values as they were
+            m_values = m_accepted;
+            throw;
+        }
+        m_accepted = m_values;
+    }
 
     UnpolarizedSpectrum eval(const SurfaceInteraction3f &si, Mask active) const override {
         if (channels() == 1) return eval_1(si, active);
@@ -85,7 +93,7 @@ template <typename Float, typename Spectrum> class CuticleValues final : public 
         else return x;
     }
 
-    TensorXf m_values;  // [segment][its two ends][channel]
+    TensorXf m_values, m_accepted;  // [segment][its two ends][channel]; and those that were right last
 
     MI_TRAVERSE_CB(Base, m_values)
 };

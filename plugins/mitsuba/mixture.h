@@ -39,7 +39,6 @@ template <class Float> class Mixture {
         m_even = even;
     }
     bool empty() const { return m_lobes == 0; }
-    int lobes() const { return m_lobes; }
 
     // 1/sr.
     Float pdf(const Float &theta_i, const Float &theta_r, const Float &phi) const;

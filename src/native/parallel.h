@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cstddef>
 #include <exception>
-#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -29,7 +28,7 @@ template <class Body> void parallel_for(std::size_t count, std::size_t least, co
     std::size_t started = 1;
     try {
         for (; started < pieces; ++started) others.emplace_back(piece, started);
-    } catch (const std::system_error &) {
+    } catch (...) {  // of the system, or of memory
     }
     piece(0);
     for (std::size_t i = started; i < pieces; ++i) piece(i);

@@ -73,7 +73,7 @@ class LibrarySampler:
     def __init__(self, library: str | os.PathLike[str] | ctypes.CDLL, *, frame: str, prefix: str = PREFIX) -> None:
         self._frame, self._prefix = frames.frame(frame), prefix
         loaded = library if isinstance(library, ctypes.CDLL) else _load(Path(library))
-        self.name = Path(loaded._name).name
+        self.name = _name(loaded)
         self._sample = _function(loaded, f"{prefix}sample", 4)
         self._pdf = _function(loaded, f"{prefix}pdf", 3)
         self._eval = _function(loaded, f"{prefix}eval", 3) if hasattr(loaded, f"{prefix}eval") else None
@@ -154,12 +154,16 @@ def _load(path: Path) -> ctypes.CDLL:
         raise ValueError(f"cannot load library {path}: {' '.join(str(error).split())}") from None
 
 
+def _name(library: ctypes.CDLL) -> str:
+    return Path(library._name).name if library._name else "this process"  # of CDLL(None), which has none
+
+
 def _function(library: ctypes.CDLL, name: str, arrays: int) -> Any:
     try:
         function = library[name]
     except AttributeError:
         raise ValueError(
-            f'{library._name} exports no function {name}: declare it extern "C", as cuticle/audit.h does'
+            f'{_name(library)} exports no function {name}: declare it extern "C", as cuticle/audit.h does'
             " (`cuticle --include-dir` prints where that is)"
         ) from None
     function.restype = None

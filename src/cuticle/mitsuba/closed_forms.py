@@ -174,4 +174,5 @@ def _over_colours(share: Array, along: Array) -> Array:
     if of_each.shape[2] == 1:
         return of_each[:, :, 0]
     theta = Directions().theta
-    return longitudinal_mixtures(theta, theta[::ALONG_ROWS], (share[..., None] * in_rows(theta, of_each)).sum(axis=2))
+    energy = (share[..., None] * in_rows(theta, of_each)).sum(axis=2)
+    return longitudinal_mixtures(theta, theta[::ALONG_ROWS], energy[:, None, None], [0], [], 0)[:, 0, 0]

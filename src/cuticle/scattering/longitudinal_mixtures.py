@@ -8,6 +8,8 @@ maximising is matching the mean values of sin theta_i and of its square.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +18,11 @@ from cuticle import _core
 
 Array = NDArray[np.float64]
 # The M's at the start: axes in deviations of the single M from its own, variances out of its. The second is tried where the
-# first loses more of ESS than `_POOR`, and taken where it loses less than `_BETTER` of that.
+# first loses more of ESS than `_POOR`, and taken where it loses less.
 _STARTS = ((0.0, 0.0, 0.0), (0.15, 0.7, 2.0)), ((-1.5, 1.5, 0.0), (0.3, 0.3, 0.3))
-_POOR, _BETTER = 0.01, 0.7
-_STEPS, _SETTLED = 60, 5  # for the first viewer; at order 1 before
-_STEPS_ON = 8  # for each that follows
+_POOR = 0.01
+_STEPS, _SETTLED = 60, 5  # at first, for the middle viewer and absorption; of these at order 1
+_STEPS_ON = 8  # for each absorption and viewer that follows
 # The order of Rényi's divergence that is lowered. At 1, the likelihood's, tails of smooth dark fibres are lost: 1e-40 where
 # 1e-7 of the light is. Toward 2, ESS's own, tails draw the M's away from the peaks.
 _ORDER = 1.2
@@ -33,11 +35,14 @@ _DARK = math.exp(-230)  # the least energy that keeps its shape
 _LOG_K = math.log(0.05), math.log(1e5)
 
 
-def longitudinal_mixtures(theta: Array, viewers: Array, energy: Array) -> Array:
-    """Return mixtures of three M's near the energies.
+def longitudinal_mixtures(
+    theta: Array, viewers: Array, energy: Array, nodes: Sequence[int], halfway: Sequence[int], steps: int
+) -> Array:
+    """Return mixtures of three M's near the energies of some numbers of strands, to be interpolated between these.
 
-    The middle viewer's M's start as wide as one and narrower and wider than it; each other viewer's as its inner
-    neighbour's, turned with the viewer. So the M's of successive viewers are alike and may be interpolated.
+    The M's of successive viewers, absorptions and numbers of strands, but the first, which stands alone, are alike: each was
+    found from its neighbour's. Those of the middle viewer and absorption and the least number start as wide as one M and
+    narrower and wider than it.
 
     Parameters
     ----------
@@ -46,24 +51,43 @@ def longitudinal_mixtures(theta: Array, viewers: Array, energy: Array) -> Array:
     viewers
         Inclinations theta_r, in their order, radians, shape (viewers,).
     energy
-        In the rows, at least 0, in any unit, shape (viewers, ..., rows).
+        In the rows, at least 0, in any unit, shape (viewers, numbers of strands, absorptions, ..., rows), the two in order.
+    nodes
+        Which of the numbers mixtures are returned of.
+    halfway
+        For each node but the last, the number of strands halfway to the next; the node itself where none is known. There
+        the mean of both should be near, too.
+    steps
+        Of expectation and maximisation for each number past the second, from the one before it.
 
     Returns
     -------
     ndarray
         Shares of the first and the second M, then axis and variance of each of the three, radians and radians², shape
-        (viewers, ..., 8). Without energy (below exp(-230)) they are those of even energies.
+        (viewers, nodes, absorptions, ..., 8). Without energy (below exp(-230)) they are those of even energies.
     """
     total = energy.sum(axis=-1, keepdims=True)
     share = np.where(total > _DARK, energy / np.maximum(total, _DARK), 1 / len(theta))
-    each = share.reshape(len(viewers), -1, len(theta))
-    found = _followed(theta, viewers, each, _STARTS[0])
-    lost = _lost(theta, each, found)
-    poor = np.flatnonzero(lost > _POOR)
-    others = _followed(theta, viewers, each[:, poor], _STARTS[1])
-    better = _lost(theta, each[:, poor], others) < _BETTER * lost[poor]
-    found[:, :, poor[better]] = others[:, :, better]
-    shares, axes, variances = found.reshape(3, *energy.shape[:-1], -1)
+    each = share.reshape(*energy.shape[:3], -1, len(theta))
+    between = [(k, h) for k, h in enumerate(halfway) if h != nodes[k]]
+
+    def made(some: Any, start: tuple[tuple[float, ...], tuple[float, ...]]) -> tuple[Array, Array]:
+        """Mixtures, and what they lose of ESS at nodes and halfway, (numbers, absorptions, n)."""
+        of = each[:, :, :, some]
+        found = _followed(theta, viewers, of, nodes, steps, start)
+        means = [0.5 * (found[:, :, k] + found[:, :, k + 1]) for k, _ in between]
+        lost = [_lost(theta, of[:, nodes], found)]
+        lost += [_lost(theta, of[:, h], mean)[None] for (_, h), mean in zip(between, means, strict=True)]
+        return found, np.concatenate(lost)
+
+    found, lost = made(slice(None), _STARTS[0])
+    poor = np.flatnonzero(lost.max(axis=(0, 1)) > _POOR)
+    if poor.size:
+        others, less = made(poor, _STARTS[1])
+        for some in (slice(0, 1), slice(1, None)):  # the first number stands alone
+            better = less[some].sum(axis=(0, 1)) < lost[some][..., poor].sum(axis=(0, 1))
+            found[:, :, some][..., poor[better], :] = others[:, :, some][..., better, :]
+    shares, axes, variances = found.reshape(3, len(viewers), len(nodes), *energy.shape[2:-1], -1)
     return np.concatenate([shares[..., :-1], np.stack([axes, variances], axis=-1).reshape(*axes.shape[:-1], -1)], axis=-1)
 
 
@@ -73,25 +97,62 @@ def in_rows(theta: Array, mixtures: Array) -> Array:
     return _summed(theta, np.stack([shares, mixtures[..., 2::2], mixtures[..., 3::2]]))
 
 
-def _followed(theta: Array, viewers: Array, share: Array, start: tuple[tuple[float, ...], tuple[float, ...]]) -> Array:
-    """Shares, axes and variances, (3, viewers, n, M's), for energies out of 1, from the middle viewer outward."""
-    axes, variances = np.array(start)
-    found = np.empty((3, *share.shape[:-1], len(axes)))
-    middle = len(viewers) // 2
-    axis, variance = (x[..., None] for x in axis_and_variance(*_means(_sums(theta, share[middle]))))
-    found[0, middle] = 1 / len(axes)
-    found[1, middle] = _inside(axis + np.sqrt(variance) * axes)
-    found[2, middle] = np.maximum(variance * variances, math.exp(-_NARROWEST))
-    for step in range(_STEPS):
-        found[:, middle] = _nearer(theta, share[middle], found[:, middle], 1 if step < _SETTLED else _ORDER)
-    for outward in (range(middle + 1, len(viewers)), range(middle - 1, -1, -1)):
-        for here in outward:
-            inner = here - outward.step
-            found[:, here] = found[:, inner]
-            found[1, here] = _inside(found[1, inner] - (viewers[here] - viewers[inner]))
-            for _ in range(_STEPS_ON):
-                found[:, here] = _nearer(theta, share[here], found[:, here], _ORDER)
+def _followed(
+    theta: Array,
+    viewers: Array,
+    share: Array,
+    nodes: Sequence[int],
+    steps: int,
+    start: tuple[tuple[float, ...], tuple[float, ...]],
+) -> Array:
+    """Shares, axes and variances, (3, viewers, nodes, absorptions, n, M's), for energies out of 1.
+
+    At the middle viewer from number to number of strands, then from absorption to absorption, then from viewer to viewer.
+    """
+    middle, among = len(viewers) // 2, share.shape[2] // 2
+    here = share[middle]
+    single = np.stack(axis_and_variance(*_means(_sums(theta, here))))[..., None]
+    of = np.empty((3, *here.shape[:-1], len(start[0])))
+    for k in range(len(here)):
+        if k < 2:  # direct light's backscatter is no light through strands
+            shares = np.full(of[0, k, among].shape, 1 / len(start[0]))
+            axes, variances = (np.broadcast_to(x, shares.shape) for x in start)
+            of[:, k, among] = _as_single(single[:, k, among], shares, axes, variances)
+        else:
+            of[:, k, among] = _turned(of[:, k - 1, among], single[:, k - 1, among], single[:, k, among])
+        for step in range(_STEPS if k < 2 else steps):
+            order = 1 if k < 2 and step < _SETTLED else _ORDER
+            of[:, k, among] = _nearer(theta, here[k, among], of[:, k, among], order)
+    for a, before in _outward(among, here.shape[1]):
+        of[:, :, a] = _turned(of[:, :, before], single[:, :, before], single[:, :, a])
+        for _ in range(_STEPS_ON):
+            of[:, :, a] = _nearer(theta, here[:, a], of[:, :, a], _ORDER)
+    found = np.empty((3, len(viewers), len(nodes), *of.shape[2:]))
+    found[:, middle] = of[:, nodes]
+    for v, inner in _outward(middle, len(viewers)):
+        found[:, v] = found[:, inner]
+        found[1, v] = _inside(found[1, inner] - (viewers[v] - viewers[inner]))
+        for _ in range(_STEPS_ON):
+            found[:, v] = _nearer(theta, share[v, nodes], found[:, v], _ORDER)
     return found
+
+
+def _outward(first: int, count: int) -> Iterator[tuple[int, int]]:
+    """Indices up and down from the first, which is left out, each with the one before it."""
+    yield from ((k, k - 1) for k in range(first + 1, count))
+    yield from ((k, k + 1) for k in range(first - 1, -1, -1))
+
+
+def _as_single(single: Array, share: Array, axis: Array, variance: Array) -> Array:
+    """A mixture whose axes are in deviations of a single M from its own, and whose variances are out of that one's."""
+    axes = _inside(single[0] + np.sqrt(single[1]) * axis)
+    return np.stack([share, axes, np.maximum(single[1] * variance, math.exp(-_NARROWEST))])
+
+
+def _turned(mixture: Array, before: Array, single: Array) -> Array:
+    """A mixture as it is after a single M has turned and widened so."""
+    share, axis, variance = mixture
+    return _as_single(single, share, (axis - before[0]) / np.sqrt(before[1]), variance / before[1])
 
 
 def _inside(theta: Array) -> Array:

@@ -24,6 +24,11 @@ Array = NDArray[np.float64]
 # The core's nodes, 0, 1, 2, 4, 8 and 16 strands, and halfway between them.
 _COUNTS = (0, 1, 2, 3, 4, 6, 8, 12, 16)
 _DEPTHS = (0, 1 / 16, 1 / 8, 1 / 2, 1, 3 / 2, 2, 3, 4, 6, 8, 12, 16)
+# Of these, the core's nodes and what is known halfway from one to the next, the node itself where nothing is; and the steps
+# toward the M's of each: peaks of twice as many sheets are far apart.
+_SHEETS = [0, 1, 2, 4, 6, 8], [0, 1, 3, 5, 7], 60
+_RANDOM = [0, 1, 4, 6, 8, 10, 12], [0, 3, 5, 7, 9, 11], 8
+_NODES = {len(_COUNTS): _SHEETS, len(_DEPTHS): _RANDOM}
 ALONG_ROWS = 2  # rows of the transport for one of the table of M's
 AZIMUTH_ROWS = 4  # rows of the transport for one of the azimuth table
 COUNTED_2 = 2  # of the nodes for sheets, that of 2 of them
@@ -87,18 +92,24 @@ def _random(fibre: Fibre | Chiang, arrangement: str) -> list[Array]:
 def _columns(fibre: Fibre | Chiang, column: Callable[[StrandTransport], tuple[Array, ...]]) -> list[Array]:
     """Tables of one arrangement of strands, for all absorptions, with a first axis of 1.
 
-    `column` returns those of one absorption, without the first axis and the last, with energies over theta_i in place of the
-    second's M's.
+    `column` returns those of one absorption, without the first axis and the last; in place of the second's M's, the logs of
+    energies over theta_i, of all that it has followed.
     """
     absorption = np.array(fibre.absorption)
     solved, theta = _solved(absorption), Directions().theta
     with ThreadPoolExecutor(os.cpu_count()) as threads:  # they wait for linear algebra, outside the interpreter
         columns = list(threads.map(column, _transports(fibre)))
-    energy, over_theta, *others = (np.stack(x, axis=-1) for x in zip(*columns, strict=True))
-    seen = np.moveaxis(over_theta[:, :, ::ALONG_ROWS], (2, 3), (0, -1))
-    along = np.moveaxis(longitudinal_mixtures(theta, theta[::ALONG_ROWS], seen), (0, -1), (1, 2))
-    energy, along, *others = (_between(solved, x, absorption) for x in (energy, along, *others))
-    along[:, :, 1] = np.minimum(along[:, :, 1], 1 - along[:, :, 0])  # interpolated apart, both might be over 1
+    energy, log_along, *others = (_between(solved, np.stack(x, axis=-1), absorption) for x in zip(*columns, strict=True))
+    seen = np.exp(log_along).transpose(2, 0, 4, 1, 3)  # (theta_r, strands, absorptions, parts, theta_i)
+
+    def mixtures(energy: Array) -> Array:
+        return longitudinal_mixtures(theta, theta[::ALONG_ROWS], energy, *_NODES[len(log_along)])
+
+    found = mixtures(seen[:, :, None, :_OWN])[:, :, 0]
+    if len(absorption) > _OWN:  # a range, between which the core interpolates
+        order = np.argsort(absorption[_OWN:])
+        found = np.append(found, mixtures(seen[:, :, _OWN:][:, :, order])[:, :, np.argsort(order)], axis=2)
+    along = found.transpose(1, 0, 4, 3, 2)
     tables = [energy[None], along[None], others[0][None], *others[1:]]
     for table in tables:
         table.setflags(write=False)
@@ -146,11 +157,12 @@ def _through_sheets(transport: StrandTransport) -> tuple[Array, ...]:
     seen = transport.through_sheets(np.eye(transport.directions.rows), _COUNTS)
     # Nodes: 0, 1, 2, 4, 8, 16 strands; of 0 there is direct light's backscatter. Of a whole number of sheets there is none
     # halfway from 1 to 2: the parabola through 1, 2 and 3 knows it.
+    nodes, halfway, _ = _SHEETS
     total = seen.sum(axis=-1)
     one, two, three = total[1:4]
     half = np.exp((3 * _log(one) + 6 * _log(two) - _log(three)) / 8)
     log_own = _log(np.array([p.energy[::-1] for p in transport.parts]).T)
-    tables = _of_parts(transport.directions, seen[[0, 1, 2, 4, 6, 8]], np.stack([one, half, *total[[3, 5, 7]]]))
+    tables = _of_parts(transport.directions, seen, nodes, np.stack([one, half, *total[halfway[2:]]]))
     tables[0][0, :, 1] = 0  # from none to one nothing is interpolated
     return *tables, transport.one_behind()[:, ::-1].T, log_own
 
@@ -158,7 +170,8 @@ def _through_sheets(transport: StrandTransport) -> tuple[Array, ...]:
 def _through_random(transport: StrandTransport, medium: bool) -> tuple[Array, ...]:
     """The same of energy, of energies over theta_i, and of azimuth, for direct light and a Poisson number of strands."""
     seen = _scattered(transport.through_random(np.eye(transport.directions.rows), _DEPTHS, medium=medium))
-    tables = _of_parts(transport.directions, seen[[0, 1, 4, 6, 8, 10, 12]], seen[[0, 3, 5, 7, 9, 11]].sum(axis=-1))
+    nodes, halfway, _ = _RANDOM
+    tables = _of_parts(transport.directions, seen, nodes, seen[halfway].sum(axis=-1))
     tables[0][0, :, 1] = 0
     return tables
 
@@ -225,19 +238,20 @@ def _part(d: Directions, density: Array, tilt: float, variance: float) -> Scatte
     return Scattering(d, cell[:, :, None] * into, point[:, :, None] * into)
 
 
-def _of_parts(d: Directions, seen: Array, halfway: Array) -> tuple[Array, Array, Array]:
-    """The tables of energy and of azimuths, and between them energies over theta_i, from energies at nodes of strands.
+def _of_parts(d: Directions, seen: Array, nodes: list[int], halfway: Array) -> tuple[Array, Array, Array]:
+    """The tables of energy and of azimuths at nodes, and between them logs of energies over theta_i, from energies.
 
-    `seen`: (nodes, parts, azimuths, rows, rows of theta_i). `halfway`: those of all theta_i halfway to the next node.
+    `seen`: (numbers of strands, parts, azimuths, rows, rows of theta_i). `halfway`: those of all theta_i halfway to the next
+    node.
     """
     seen, halfway = seen[..., ::-1, :], halfway[..., ::-1]  # rows are directions of travel: theta_r is their other sign
     along = np.maximum(np.einsum("sjnrt,n->sjrt", seen, d.node_weights), 0)
-    log_energy = _log(along.sum(axis=-1)).swapaxes(1, 2)
+    log_energy = _log(along[nodes].sum(axis=-1)).swapaxes(1, 2)
     bend = np.zeros(log_energy.shape)
     between = _log(np.einsum("sjnr,n->srj", halfway, d.node_weights))
     bend[:-1] = between - 0.5 * (log_energy[:-1] + log_energy[1:])
-    density = np.maximum(np.moveaxis(seen.sum(axis=-1), (1, 3), (3, 1))[:, ::AZIMUTH_ROWS], 0)
+    density = np.maximum(np.moveaxis(seen[nodes].sum(axis=-1), (1, 3), (3, 1))[:, ::AZIMUTH_ROWS], 0)
     total = np.einsum("srnj,n->srj", density, d.node_weights)[:, :, None]
     uniform = total <= math.exp(_DARKEST)
     azimuth = np.where(uniform, 0.5 / np.pi, density / np.where(uniform, 1, total))
-    return np.stack([log_energy, bend], axis=2), along, azimuth
+    return np.stack([log_energy, bend], axis=2), _log(along[:, :, ::ALONG_ROWS]), azimuth
