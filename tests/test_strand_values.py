@@ -98,7 +98,7 @@ def test_a_hit_has_the_value_of_its_strand_there(three: Groom, tmp_path: Path, u
             mi.load_dict({**given, "type": "cuticle_strands"})
     parameters = mi.traverse(mi.load_dict(values("beta_m")))
     before = np.array(parameters["values"])
-    parameters["values"] = mi.TensorXf(np.zeros((3, 1, 3), np.float32))
+    parameters["values"] = mi.TensorXf(np.zeros((1, 1, 1), np.float32))
     with pytest.raises(RuntimeError, match="values must have shape"):
         parameters.update()
     np.testing.assert_array_equal(np.array(parameters["values"]), before)  # as it was
