@@ -102,7 +102,7 @@ TILTED = {
 }
 
 
-@pytest.mark.parametrize(("fibre", "bounds"), [("dark", [0.96, 0.88, 0.88, 0.96]), ("smooth", [0.86, 0.92, 0.95, 0.97])])
+@pytest.mark.parametrize(("fibre", "bounds"), [("dark", [0.96, 0.86, 0.88, 0.96]), ("smooth", [0.86, 0.92, 0.95, 0.97])])
 def test_three_peaks_are_told_apart(fibre: str, bounds: list[float]) -> None:
     """Tilted fibres, whose light has a peak for each lobe of the strand before: with two M's .60 and .85 at worst.
 
@@ -115,7 +115,7 @@ def test_three_peaks_are_told_apart(fibre: str, bounds: list[float]) -> None:
             assert measure(sampler, seen, np.radians(viewer)).ess > bound, (strands, viewer)
 
 
-@pytest.mark.parametrize(("fibre", "bounds"), [("dark", [0.45, 0.55, 0.88]), ("smooth", [0.94, 0.93, 0.82])])
+@pytest.mark.parametrize(("fibre", "bounds"), [("dark", [0.5, 0.5, 0.8]), ("smooth", [0.94, 0.93, 0.82])])
 def test_between_the_tables_numbers_of_strands_the_peaks_are_where_they_are(fibre: str, bounds: list[float]) -> None:
     """M's of one number of strands that are not the next one's, in their order, would be mixed up: .29 and .09 through 3."""
     among, model = family("dual_scattering", TILTED[fibre], d_f=0.7, d_b=0.7), Strands(TILTED[fibre])

@@ -18,9 +18,13 @@ from cuticle import _core
 
 Array = NDArray[np.float64]
 # The M's at the start: axes in deviations of the single M from its own, variances out of its. The second is tried where the
-# first loses more of ESS than `_POOR`, and taken where it loses less.
+# first loses more of ESS than `_POOR`, and taken where it loses less than `_BETTER` of that: of two that are as good, like
+# fibres should not have now one, now the other.
 _STARTS = ((0.0, 0.0, 0.0), (0.15, 0.7, 2.0)), ((-1.5, 1.5, 0.0), (0.3, 0.3, 0.3))
-_POOR = 0.01
+_POOR, _BETTER = 0.01, 0.7
+# Of ESS: what is lost halfway between numbers of strands, all together, from where M's are tried that follow from one number
+# to the next; and what these may lose more at one.
+_FAR_APART, _WORSE = 0.1, 0.01
 _STEPS, _SETTLED = 60, 5  # at first, for the middle viewer and absorption; of these at order 1
 _STEPS_ON = 8  # for each absorption and viewer that follows
 # The order of Rényi's divergence that is lowered. At 1, the likelihood's, tails of smooth dark fibres are lost: 1e-40 where
@@ -40,9 +44,9 @@ def longitudinal_mixtures(
 ) -> Array:
     """Return mixtures of three M's near the energies of some numbers of strands, to be interpolated between these.
 
-    The M's of successive viewers, absorptions and numbers of strands, but the first, which stands alone, are alike: each was
-    found from its neighbour's. Those of the middle viewer and absorption and the least number start as wide as one M and
-    narrower and wider than it.
+    The M's of successive viewers and absorptions are alike: each was found from its neighbour's. Those of the middle ones
+    start as wide as one M and narrower and wider than it, for each number of strands. Where peaks move so far that means of
+    two numbers' M's lie beside those halfway, the M's of one number start from those of the one before.
 
     Parameters
     ----------
@@ -71,22 +75,27 @@ def longitudinal_mixtures(
     each = share.reshape(*energy.shape[:3], -1, len(theta))
     between = [(k, h) for k, h in enumerate(halfway) if h != nodes[k]]
 
-    def made(some: Any, start: tuple[tuple[float, ...], tuple[float, ...]]) -> tuple[Array, Array]:
-        """Mixtures, and what they lose of ESS at nodes and halfway, (numbers, absorptions, n)."""
+    def lost(found: Array, some: Any = slice(None)) -> tuple[Array, Array]:
+        """What mixtures lose of ESS at nodes, (nodes, n), and of all halfway from one to the next, (n,)."""
         of = each[:, :, :, some]
-        found = _followed(theta, viewers, of, nodes, steps, start)
-        means = [0.5 * (found[:, :, k] + found[:, :, k + 1]) for k, _ in between]
-        lost = [_lost(theta, of[:, nodes], found)]
-        lost += [_lost(theta, of[:, h], mean)[None] for (_, h), mean in zip(between, means, strict=True)]
-        return found, np.concatenate(lost)
+        way = [_lost(theta, of[:, h], 0.5 * (found[:, :, k] + found[:, :, k + 1])).mean(axis=0) for k, h in between]
+        return _lost(theta, of[:, nodes], found).mean(axis=1), np.asarray(sum(way))
 
-    found, lost = made(slice(None), _STARTS[0])
-    poor = np.flatnonzero(lost.max(axis=(0, 1)) > _POOR)
-    if poor.size:
-        others, less = made(poor, _STARTS[1])
-        for some in (slice(0, 1), slice(1, None)):  # the first number stands alone
-            better = less[some].sum(axis=(0, 1)) < lost[some][..., poor].sum(axis=(0, 1))
-            found[:, :, some][..., poor[better], :] = others[:, :, some][..., better, :]
+    found = _followed(theta, viewers, each[:, nodes], _STARTS[0], None)
+    at_nodes = lost(found)[0]
+    poor = np.flatnonzero(at_nodes.max(axis=0) > _POOR)
+    others = _followed(theta, viewers, each[:, nodes][:, :, :, poor], _STARTS[1], None)
+    for k, less in enumerate(lost(others, poor)[0]):
+        better = (at_nodes[k, poor] > _POOR) & (less < _BETTER * at_nodes[k, poor])
+        found[:, :, k][:, :, :, poor[better]] = others[:, :, k][:, :, :, better]
+    for start in _STARTS if between else ():
+        at_nodes, halfway_on = lost(found)
+        far = np.flatnonzero(halfway_on > _FAR_APART)
+        others = _followed(theta, viewers, each[:, :, :, far], start, steps)[:, :, nodes]
+        less, less_on = lost(others, far)
+        better = less_on < _BETTER * halfway_on[far]
+        better &= (less[1:] < at_nodes[1:, far] + _WORSE).all(axis=0)
+        found[:, :, 1:, :, far[better]] = others[:, :, 1:, :, better]
     shares, axes, variances = found.reshape(3, len(viewers), len(nodes), *energy.shape[2:-1], -1)
     return np.concatenate([shares[..., :-1], np.stack([axes, variances], axis=-1).reshape(*axes.shape[:-1], -1)], axis=-1)
 
@@ -98,42 +107,37 @@ def in_rows(theta: Array, mixtures: Array) -> Array:
 
 
 def _followed(
-    theta: Array,
-    viewers: Array,
-    share: Array,
-    nodes: Sequence[int],
-    steps: int,
-    start: tuple[tuple[float, ...], tuple[float, ...]],
+    theta: Array, viewers: Array, share: Array, start: tuple[tuple[float, ...], tuple[float, ...]], steps: int | None
 ) -> Array:
-    """Shares, axes and variances, (3, viewers, nodes, absorptions, n, M's), for energies out of 1.
+    """Shares, axes and variances, (3, viewers, numbers, absorptions, n, M's), for energies out of 1.
 
-    At the middle viewer from number to number of strands, then from absorption to absorption, then from viewer to viewer.
+    From the middle absorption to the others, then from the middle viewer to the others. Before that, with `steps`, from
+    number to number of strands, but for the first.
     """
     middle, among = len(viewers) // 2, share.shape[2] // 2
     here = share[middle]
     single = np.stack(axis_and_variance(*_means(_sums(theta, here))))[..., None]
-    of = np.empty((3, *here.shape[:-1], len(start[0])))
-    for k in range(len(here)):
-        if k < 2:  # direct light's backscatter is no light through strands
-            shares = np.full(of[0, k, among].shape, 1 / len(start[0]))
-            axes, variances = (np.broadcast_to(x, shares.shape) for x in start)
-            of[:, k, among] = _as_single(single[:, k, among], shares, axes, variances)
-        else:
-            of[:, k, among] = _turned(of[:, k - 1, among], single[:, k - 1, among], single[:, k, among])
-        for step in range(_STEPS if k < 2 else steps):
-            order = 1 if k < 2 and step < _SETTLED else _ORDER
-            of[:, k, among] = _nearer(theta, here[k, among], of[:, k, among], order)
+    found = np.empty((3, *share.shape[:-1], len(start[0])))
+    of = found[:, middle]
+    first = slice(None) if steps is None else slice(0, 2)
+    shares = np.full(of[0, first, among].shape, 1 / len(start[0]))
+    axes, variances = (np.broadcast_to(x, shares.shape) for x in start)
+    of[:, first, among] = _as_single(single[:, first, among], shares, axes, variances)
+    for step in range(_STEPS):
+        of[:, first, among] = _nearer(theta, here[first, among], of[:, first, among], 1 if step < _SETTLED else _ORDER)
+    for k in range(2, len(here)) if steps is not None else ():
+        of[:, k, among] = _turned(of[:, k - 1, among], single[:, k - 1, among], single[:, k, among])
+        for _ in range(steps or 0):
+            of[:, k, among] = _nearer(theta, here[k, among], of[:, k, among], _ORDER)
     for a, before in _outward(among, here.shape[1]):
         of[:, :, a] = _turned(of[:, :, before], single[:, :, before], single[:, :, a])
         for _ in range(_STEPS_ON):
             of[:, :, a] = _nearer(theta, here[:, a], of[:, :, a], _ORDER)
-    found = np.empty((3, len(viewers), len(nodes), *of.shape[2:]))
-    found[:, middle] = of[:, nodes]
     for v, inner in _outward(middle, len(viewers)):
         found[:, v] = found[:, inner]
         found[1, v] = _inside(found[1, inner] - (viewers[v] - viewers[inner]))
         for _ in range(_STEPS_ON):
-            found[:, v] = _nearer(theta, share[v, nodes], found[:, v], _ORDER)
+            found[:, v] = _nearer(theta, share[v], found[:, v], _ORDER)
     return found
 
 
