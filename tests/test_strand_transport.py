@@ -114,7 +114,10 @@ def test_where_azimuth_is_even_at_every_strand_it_is_the_papers_premise() -> Non
 
 
 def test_many_absorptions_are_those_alone() -> None:
-    """Of many, some are solved and a spline bridges them; the last two are bridged."""
+    """Of many, some are solved and a spline bridges them; the last two are bridged.
+
+    Three M's are found another way there: either lie some 3 % from `Strands`, out of all light.
+    """
     many = (0.02, 0.05, 0.1, 0.13, 0.3, 0.8, 1.3, 2.2, 1.75, 0.12)
     assert not {*many[-2:]} & {*_solved(np.array(many))}
     wide = DualScattering(Fibre(sigma_a=many), 2)
