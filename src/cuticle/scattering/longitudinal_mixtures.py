@@ -91,6 +91,8 @@ def longitudinal_mixtures(
     for start in _STARTS if between else ():
         at_nodes, halfway_on = lost(found)
         far = np.flatnonzero(halfway_on > _FAR_APART)
+        if not far.size:
+            break
         others = _followed(theta, viewers, each[:, :, :, far], start, steps)[:, :, nodes]
         less, less_on = lost(others, far)
         better = less_on < _BETTER * halfway_on[far]
