@@ -182,7 +182,7 @@ def worst_shares(weight: NDArray[np.float64], square: NDArray[np.float64]) -> ND
     1/ESS_c is below it, whatever λ. The search ends where that of the density of λ itself is hardly above. It takes
     Levenberg-Marquardt steps in ln λ, for a λ that goes to 0.
     """
-    # Not `weight @ root`: BLAS sums in threads, which on a busy machine wait for one another a hundred times as long.
+    # Not `weight @ root`: BLAS sums in threads, which on a busy machine wait for one another.
     share, damping = np.full(square.shape[1], 1 / max(square.shape[1], 1)), 0.1
     root = np.maximum(np.sqrt(square @ share), _LEAST_SQRT)
     for _ in range(_STEPS):

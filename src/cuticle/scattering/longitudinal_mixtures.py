@@ -81,10 +81,10 @@ def longitudinal_mixtures(
         way = [_lost(theta, of[:, h], 0.5 * (found[:, :, k] + found[:, :, k + 1])).mean(axis=0) for k, h in between]
         return _lost(theta, of[:, nodes], found).mean(axis=1), np.asarray(sum(way))
 
-    found = _followed(theta, viewers, each[:, nodes], _STARTS[0], None)
+    found = _followed(theta, viewers, each[:, nodes], _STARTS[0], 0)
     at_nodes = lost(found)[0]
     poor = np.flatnonzero(at_nodes.max(axis=0) > _POOR)
-    others = _followed(theta, viewers, each[:, nodes][:, :, :, poor], _STARTS[1], None)
+    others = _followed(theta, viewers, each[:, nodes][:, :, :, poor], _STARTS[1], 0)
     for k, less in enumerate(lost(others, poor)[0]):
         better = (at_nodes[k, poor] > _POOR) & (less < _BETTER * at_nodes[k, poor])
         found[:, :, k][:, :, :, poor[better]] = others[:, :, k][:, :, :, better]
@@ -109,7 +109,7 @@ def in_rows(theta: Array, mixtures: Array) -> Array:
 
 
 def _followed(
-    theta: Array, viewers: Array, share: Array, start: tuple[tuple[float, ...], tuple[float, ...]], steps: int | None
+    theta: Array, viewers: Array, share: Array, start: tuple[tuple[float, ...], tuple[float, ...]], steps: int
 ) -> Array:
     """Shares, axes and variances, (3, viewers, numbers, absorptions, n, M's), for energies out of 1.
 
@@ -121,15 +121,15 @@ def _followed(
     single = np.stack(axis_and_variance(*_means(_sums(theta, here))))[..., None]
     found = np.empty((3, *share.shape[:-1], len(start[0])))
     of = found[:, middle]
-    first = slice(None) if steps is None else slice(0, 2)
+    first = slice(0, 2) if steps else slice(None)
     shares = np.full(of[0, first, among].shape, 1 / len(start[0]))
     axes, variances = (np.broadcast_to(x, shares.shape) for x in start)
     of[:, first, among] = _as_single(single[:, first, among], shares, axes, variances)
     for step in range(_STEPS):
         of[:, first, among] = _nearer(theta, here[first, among], of[:, first, among], 1 if step < _SETTLED else _ORDER)
-    for k in range(2, len(here)) if steps is not None else ():
+    for k in range(2, len(here)) if steps else ():
         of[:, k, among] = _turned(of[:, k - 1, among], single[:, k - 1, among], single[:, k, among])
-        for _ in range(steps or 0):
+        for _ in range(steps):
             of[:, k, among] = _nearer(theta, here[k, among], of[:, k, among], _ORDER)
     for a, before in _outward(among, here.shape[1]):
         of[:, :, a] = _turned(of[:, :, before], single[:, :, before], single[:, :, a])
