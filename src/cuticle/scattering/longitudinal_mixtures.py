@@ -24,7 +24,7 @@ _STARTS = ((0.0, 0.0, 0.0), (0.15, 0.7, 2.0)), ((-1.5, 1.5, 0.0), (0.3, 0.3, 0.3
 _POOR, _BETTER = 0.01, 0.7
 # Of ESS: what is lost halfway between numbers of strands, all together, from where M's are tried that follow from one number
 # to the next; and what these may lose more at one.
-_FAR_APART, _WORSE = 0.1, 0.01
+_FAR_APART, _WORSE = 0.1, 0.005
 _STEPS, _SETTLED = 60, 5  # at first, for the middle viewer and absorption; of these at order 1
 _STEPS_ON = 8  # for each absorption and viewer that follows
 # The order of Rényi's divergence that is lowered. At 1, the likelihood's, tails of smooth dark fibres are lost: 1e-40 where
