@@ -19,8 +19,9 @@ from cuticle.reference.findings import Checked, Findings, Worst
 from cuticle.reference.formulas import Evaluated, Formulas
 from cuticle.reference.making import values_of
 from cuticle.reference.models import evaluate, formulas_of
+from cuticle.reference.out_of_order import in_order
 from cuticle.reference.scans import leads
-from cuticle.reference.search import Search, changed, predicted, search
+from cuticle.reference.search import Search, changed, judged, predicted, search
 from cuticle.reference.tolerance import AVERAGED, FLOORS, Quantity, quantity
 from cuticle.reference.values_file import Submission, read
 from cuticle.scattering.bcsdf import luminance_weights
@@ -184,6 +185,12 @@ def _check(F: Formulas, q: Quantity, given: Submission, right: Evaluated, tolera
         return found
     if not np.nan_to_num(q.given).any():  # a note says so: no slip makes zeros of all
         return replace(found, verdict="wrong")
+    moved, order = in_order(q, value, inputs, given.rows)
+    if order:
+        again = _check(F, moved, given, right, tolerance, progress)
+        best = again.best or judged((), moved, value)
+        best = replace(best, slips=(*order, *best.slips), explains=best.explains)
+        return replace(again, best=best, verdict="wrong", outside=found.outside, lobes=lobes, regions=regions)
     progress(f"slips of {q.name}", 0.0)
     made: Search = search(F, q, inputs, value, lambda x: progress(f"slips of {q.name}", 0.6 * x))
     found = replace(found, best=made.best, alternatives=made.alternatives, singles=made.singles, verdict="wrong")

@@ -36,7 +36,8 @@ def amplitudes(cosine: Array, eta: Array) -> tuple[Array, Array]:
     return (cosine - inner) / (cosine + inner), (eta**2 * cosine - inner) / (eta**2 * cosine + inner)
 
 
-def _fresnel(cosine: Array, eta: Array) -> Array:
+def from_outside(cosine: Array, eta: Array) -> Array:
+    """Return Fresnel's term of unpolarised light."""
     s, p = amplitudes(cosine, eta)
     return (s**2 + p**2) / 2
 
@@ -104,7 +105,7 @@ class Formulas:
     log_i0: Callable[[Array], Array] = _log_i0
     log_csch: Callable[[Array], Array] = _log_csch
     bravais: Callable[[Array, Array], Array] = lambda theta, eta: np.sqrt(eta**2 - np.sin(theta) ** 2) / np.cos(theta)
-    fresnel: Callable[[Array, Array], Array] = _fresnel
+    fresnel: Callable[[Array, Array], Array] = from_outside
     fresnel_cosine: Callable[[Any, Any], Array] = lambda q, ray: np.cos(ray.theta) * np.cos(ray.gamma_i)
     path: Callable[[Any], Array] = lambda ray: 2 * np.cos(ray.gamma_t) / ray.cos_theta_t
     transmitted: Callable[[Array], Array] = lambda depth: np.exp(-depth)
@@ -226,7 +227,8 @@ def _rows(F: Formulas, inputs: Inputs, panels: int) -> Evaluated:
     stacked = np.stack(parts, axis=1)
     f = F.finish(q, stacked.sum(axis=1))
     q.whole = whole
-    density = F.finish_pdf(q, pdf / whole)[:, 0] if F.normalised else np.full(len(inputs), np.nan)
+    density = pdf / whole if F.chosen_by is None else (pdf / whole * weight).sum(axis=1, keepdims=True)  # h drawn evenly
+    density = F.finish_pdf(q, density)[:, 0] if F.normalised else np.full(len(inputs), np.nan)
     return Evaluated(stacked, f, density, np.stack(around, axis=1), mean)
 
 

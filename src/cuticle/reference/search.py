@@ -111,9 +111,9 @@ def search(F: Formulas, quantity: Quantity, inputs: Inputs, right: Array, progre
     table = applicable(F, quantity, inputs.near)
 
     def tried(slips: tuple[Slip, ...], panels: int = ROUGHLY) -> Hypothesis:
-        return _judge(slips, few, value_of(changed(F, slips), some, few, panels))
+        return judged(slips, few, value_of(changed(F, slips), some, few, panels))
 
-    start = _judge((), few, right[rows])
+    start = judged((), few, right[rows])
     frontier, singles, alternatives, best = [start], [start], [], start
     for depth in range(MOST_TOGETHER):
         seen: dict[frozenset[str], Hypothesis] = {}
@@ -136,12 +136,13 @@ def search(F: Formulas, quantity: Quantity, inputs: Inputs, right: Array, progre
             best, alternatives = explained[0], explained[1:6]
             break
     whole = rows if len(inputs) > _FINAL_ROWS[inputs.near] else np.arange(len(inputs))
-    last = _judge(best.slips, quantity.take(whole), value_of(changed(F, best.slips), inputs.take(whole), quantity))
+    last = judged(best.slips, quantity.take(whole), value_of(changed(F, best.slips), inputs.take(whole), quantity))
     near = [h for h in alternatives if h.score < 1.5 * best.score + 0.02]
     return Search(last, tuple(near), tuple(singles), rows)
 
 
-def _judge(slips: tuple[Slip, ...], quantity: Quantity, value: Array) -> Hypothesis:
+def judged(slips: tuple[Slip, ...], quantity: Quantity, value: Array) -> Hypothesis:
+    """Return what slips leave, of formulas with them that predict `value`."""
     with np.errstate(all="ignore"):
         difference = np.abs(quantity.given / value - 1)
     difference = difference[np.isfinite(difference)]

@@ -6,12 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from cuticle.reference.formulas import theta_d
+from cuticle.reference.formulas import from_outside, theta_d
+from cuticle.reference.out_of_order import ORDER
 from cuticle.reference.slips import (
     CONSERVING,
     Slip,
     attenuation_by,
     bravais_fresnel,
+    channel,
+    channels_as,
     cosine_i,
     cubic_azimuth,
     density_times,
@@ -19,14 +22,17 @@ from cuticle.reference.slips import (
     eta_at,
     f_times,
     fresnel_at,
+    fresnel_by,
     from_inside,
     grey_absorption,
     half_vector_cosine,
     having,
+    mean_amplitude,
     normal_of_scale,
     one_polarisation,
     other_polarisation,
     path_by,
+    rounded_to,
     scale_times,
     schlick,
     swapped_angles,
@@ -39,6 +45,7 @@ from cuticle.reference.slips_along import LONGITUDINAL, TILT
 from cuticle.reference.slips_among_strands import AMONG_STRANDS
 from cuticle.reference.slips_of_density import DENSITY
 from cuticle.reference.variants import SCALE, polynomial
+from cuticle.scattering.bcsdf import luminance_weights
 
 OPTICS = (
     Slip("path-printed", "path", "the path that Marschner 2003 prints, twice the square of the chord's half",
@@ -49,7 +56,17 @@ OPTICS = (
          path_by(lambda r, x: x / 2)),
     Slip("absorption-grey", "absorption", "every channel is absorbed by the mean of the channels",
          "exp(-σ_c l)", "exp(-(σ_r + σ_g + σ_b) l/3)",
-         grey_absorption),
+         grey_absorption(lambda x: x.mean(axis=-1))),
+    Slip("absorption-luminance", "absorption", "every channel is absorbed by the luminance of the channels",
+         "exp(-σ_c l)", "exp(-(.2126 σ_r + .7152 σ_g + .0722 σ_b) l)",
+         grey_absorption(lambda x: x @ luminance_weights(x.shape[-1]))),
+    Slip("absorption-largest", "channels", "every channel is absorbed by the largest of the channels",
+         "exp(-σ_c l)", "exp(-max(σ_r, σ_g, σ_b) l)",
+         grey_absorption(lambda x: x.max(axis=-1))),
+    *(Slip(f"absorption-of-{name}", "channels", f"every channel is absorbed by {name}",
+           "exp(-σ_c l)", f"exp(-σ_{name[0]} l)",
+           grey_absorption(channel(c)))
+      for c, name in enumerate(("red", "green", "blue"))),
     Slip("path-doubled", "path", "the path is twice as long",
          "2 cos γ_t / cos θ_t", "4 cos γ_t / cos θ_t",
          path_by(lambda r, x: 2 * x)),
@@ -89,7 +106,10 @@ OPTICS = (
     Slip("fresnel-bravais", "fresnel",
          "Fresnel's terms are those of Marschner's two-dimensional indices, each at cos γ_i",
          "F(cos θ cos γ_i; η)", "½ F_s(cos γ_i; η′) + ½ F_p(cos γ_i; η²/η′)",
-         bravais_fresnel),
+         fresnel_by(bravais_fresnel)),
+    Slip("fresnel-eta-prime", "fresnel", "Fresnel's term is that of the cross-section: η′, at cos γ_i",
+         "F(cos θ cos γ_i; η)", "F(cos γ_i; η′)",
+         fresnel_by(lambda q, r: from_outside(np.cos(r.gamma_i), r.eta_prime))),
     Slip("fresnel-inverted", "fresnel", "the index is inverted: light is taken to come from inside",
          "F(cos; η)", "F(cos; 1/η)",
          having(fresnel=from_inside)),
@@ -102,6 +122,9 @@ OPTICS = (
     Slip("fresnel-other-polarisation", "fresnel", "one polarisation only",
          "½ (r_s² + r_p²)", "r_p²",
          having(fresnel=other_polarisation)),
+    Slip("fresnel-amplitude", "fresnel", "amplitudes are averaged, and then squared",
+         "½ (r_s² + r_p²)", "(½ (|r_s| + |r_p|))²",
+         having(fresnel=mean_amplitude)),
     Slip("fresnel-not-halved", "fresnel", "both polarisations are added, and not halved",
          "½ (r_s² + r_p²)", "r_s² + r_p²",
          lambda F: replace(F, fresnel=lambda cosine, eta: np.minimum(2 * F.fresnel(cosine, eta), 0.999))),
@@ -171,6 +194,9 @@ LOBES = (
     Slip("rest-over-one-minus-f", "rest", "the sum past TRT lacks T in its denominator",
          "A_rest = A_TRT F T/(1 - F T)", "A_TRT F T/(1 - F)",
          attenuation_by(3, lambda a, f, t: a * (1 - f * t) / (1 - f)), ("chiang",)),
+    Slip("rest-is-what-is-left", "rest", "the lobe past TRT has all that the others leave, what is absorbed, too",
+         "A_rest = A_TRT F T/(1 - F T)", "1 - A_R - A_TT - A_TRT",
+         attenuation_by(3, lambda a, f, t: (1 - f) * (1 - (1 - f) * t * (1 + f * t))), ("chiang",)),
     Slip("rest-missing", "rest", "the orders past TRT are left out",
          "A_rest = A_TRT F T/(1 - F T)", "0",
          attenuation_by(3, lambda a, f, t: 0 * a), ("chiang",)),
@@ -304,9 +330,15 @@ FACTORS = (
     Slip("directions-exchanged", "inclination", "the viewer and the light are exchanged",
          "f(θ_i, θ_r, φ)", "f(θ_r, θ_i, -φ)",
          directions_exchanged, CONSERVING),
+    Slip("inclinations-exchanged", "inclination", "the two inclinations are exchanged, φ is not",
+         "f(θ_i, θ_r, φ)", "f(θ_r, θ_i, φ)",
+         lambda F: replace(directions_exchanged(F), azimuth=F.azimuth), CONSERVING),
     Slip("channels-reversed", "channels", "red and blue are exchanged",
          "f_r, f_g, f_b", "f_b, f_g, f_r",
-         lambda F: replace(F, finish=lambda q, f: F.finish(q, f)[..., ::-1])),
+         channels_as("bgr")),
+    *(Slip(f"channels-{order}", "channels", f"the channels are in the order {', '.join(order)}",
+           "f_r, f_g, f_b", ", ".join(f"f_{c}" for c in order),
+           channels_as(order)) for order in ("grb", "rbg", "gbr", "brg")),
     Slip("cosine-in", "cosine", "the values hold the cosine (a convention: --f-cos)",
          "f", "f cos θ_i",
          f_times(cosine_i)),
@@ -336,4 +368,18 @@ FACTORS = (
          f_times(lambda q: np.cos(theta_d(q))), ("gaussian",)),
 )  # fmt: skip
 
-SLIPS: tuple[Slip, ...] = (*LONGITUDINAL, *TILT, *OPTICS, *LOBES, *AZIMUTH, *FACTORS, *DENSITY, *AMONG_STRANDS)
+DIGITS = (
+    Slip(
+        "half-floats",
+        "digits",
+        "values are stored as half floats: below 6e-5 they lose digits",
+        "24 bits",
+        "11 bits, the least 2⁻²⁴",
+        rounded_to(11, -13),
+    ),
+    Slip("bfloat16", "digits", "values are stored in bfloat16", "24 bits", "8 bits", rounded_to(8, -125)),
+)
+
+SLIPS: tuple[Slip, ...] = (
+    *LONGITUDINAL, *TILT, *OPTICS, *LOBES, *AZIMUTH, *FACTORS, *DIGITS, *DENSITY, *AMONG_STRANDS, *ORDER,
+)  # fmt: skip

@@ -79,9 +79,27 @@ def f_times(by: Callable[[Any], Any]) -> Change:
     return lambda F: replace(F, finish=lambda q, f: F.finish(q, f) * by(q))
 
 
+def channels_as(order: str) -> Change:
+    """Give the channels in another order, where there are three."""
+    rows = ["rgb".index(c) for c in order]
+    return lambda F: replace(F, finish=lambda q, f: (g := F.finish(q, f))[..., rows if g.shape[-1] == 3 else slice(None)])
+
+
 def pdf_times(by: Callable[[Any], Any]) -> Change:
     """Multiply the density by a factor, on top of what is there."""
     return lambda F: replace(F, finish_pdf=lambda q, p: F.finish_pdf(q, p) * by(q))
+
+
+def rounded_to(bits: int, least: int) -> Change:
+    """Round f and the density to floats of so many bits; those below 2^(least - 1) lose them one by one."""
+
+    def rounded(x: Array) -> Array:
+        unit = 2.0 ** (np.maximum(np.frexp(x)[1], least) - bits)
+        return np.asarray(np.rint(x / unit) * unit)
+
+    return lambda F: replace(
+        F, finish=lambda q, f: rounded(F.finish(q, f)), finish_pdf=lambda q, p: rounded(F.finish_pdf(q, p))
+    )
 
 
 def tilts_by(of: Callable[[Any, list[Array]], list[Array]]) -> Change:
@@ -100,7 +118,7 @@ def tilted_cosine(of: Callable[[Any, Array], Array]) -> Change:
     """Give M another cosine beside the sine of the tilted axis, from (inputs, the axis)."""
 
     def longitudinal(F: Formulas, q: Any, theta: Array, cone: Array, v: Array) -> Array:
-        x = np.cos(theta) * of(q, cone) / v
+        x = np.cos(theta) * np.abs(of(q, cone)) / v
         return np.asarray(np.exp(np.sin(theta) * np.sin(cone) / v + F.log_i0(x) + F.log_csch(v)))
 
     return having(longitudinal=longitudinal)
@@ -167,14 +185,22 @@ def eta_at(inclination: Callable[[Any], Array]) -> Change:
     return change
 
 
-def grey_absorption(F: Formulas) -> Formulas:
-    """Absorb every channel by the mean of them."""
+def grey_absorption(of: Callable[[Array], Array]) -> Change:
+    """Absorb every channel alike, by what is made of their depths."""
 
-    def attenuation(p: int, f: Array, t: Array, closed: bool) -> Array:
-        mean = np.exp(np.log(np.maximum(t, 1e-300)).mean(axis=-1, keepdims=True))
-        return F.attenuation(p, f, np.broadcast_to(mean, t.shape), closed)
+    def change(F: Formulas) -> Formulas:
+        def attenuation(p: int, f: Array, t: Array, closed: bool) -> Array:
+            grey = np.exp(-of(-np.log(np.maximum(t, 1e-300))))[..., None]
+            return F.attenuation(p, f, np.broadcast_to(grey, t.shape), closed)
 
-    return replace(F, attenuation=attenuation)
+        return replace(F, attenuation=attenuation)
+
+    return change
+
+
+def channel(c: int) -> Callable[[Array], Array]:
+    """Take one channel of an array, the last where there are fewer."""
+    return lambda x: x[..., min(c, x.shape[-1] - 1)]
 
 
 def attenuation_by(lobe: int, of: Callable[[Array, Array, Array], Array]) -> Change:
@@ -224,16 +250,27 @@ def fresnel_at(of: Callable[[Any, Any], Array]) -> Change:
     return having(fresnel_cosine=of)
 
 
+def fresnel_by(of: Callable[[Any, Any], Array]) -> Change:
+    """Take another term for Fresnel's, of the inputs and the rays."""
+    return having(fresnel_cosine=of, fresnel=lambda term, eta: term)
+
+
 def half_vector_cosine(q: Any, ray: Any) -> Array:
     """Return the cosine between the viewer and the half vector: ½ the angle between the two directions."""
     toward = np.sin(q.theta_i) * np.sin(q.theta_r) + np.cos(q.theta_i) * np.cos(q.theta_r) * np.cos(q.phi)
     return np.asarray(np.sqrt(np.clip((1 + toward) / 2, 0, 1)))
 
 
-def schlick(cosine: Array, eta: Array) -> Array:
+def schlick(cosine: Array, eta: Array, power: int = 5) -> Array:
     """Return Schlick's approximation of Fresnel's term."""
     r = ((1 - eta) / (1 + eta)) ** 2
-    return np.asarray(r + (1 - r) * (1 - cosine) ** 5)
+    return np.asarray(r + (1 - r) * (1 - cosine) ** power)
+
+
+def mean_amplitude(cosine: Array, eta: Array) -> Array:
+    """Return the square of the two polarisations' mean amplitude."""
+    s, p = amplitudes(cosine, eta)
+    return np.asarray(((np.abs(s) + np.abs(p)) / 2) ** 2)
 
 
 def one_polarisation(cosine: Array, eta: Array) -> Array:
@@ -252,19 +289,10 @@ def from_inside(cosine: Array, eta: Array) -> Array:
     return (s**2 + p**2) / 2
 
 
-def bravais_fresnel(F: Formulas) -> Formulas:
-    """Take Fresnel's s part with eta', the p part with eta'' = eta² / eta', at cos gamma_i."""
-
-    def fresnel(cosine: Array, eta: Array) -> Array:
-        sine2 = np.sin(fresnel.theta) ** 2  # type: ignore[attr-defined]
-        first = np.sqrt(eta**2 - sine2) / np.cos(fresnel.theta)  # type: ignore[attr-defined]
-        return (amplitudes(cosine, first)[0] ** 2 + amplitudes(cosine, eta**2 / first)[1] ** 2) / 2
-
-    def cosine(q: Any, ray: Any) -> Array:
-        fresnel.theta = ray.theta  # type: ignore[attr-defined]
-        return np.asarray(np.cos(ray.gamma_i))
-
-    return replace(F, fresnel=fresnel, fresnel_cosine=cosine)
+def bravais_fresnel(q: Any, ray: Any) -> Array:
+    """Return Fresnel's term with the s part of eta', the p part of eta'' = eta² / eta', at cos gamma_i."""
+    cosine, first = np.cos(ray.gamma_i), np.sqrt(ray.eta**2 - np.sin(ray.theta) ** 2) / np.cos(ray.theta)
+    return np.asarray((amplitudes(cosine, first)[0] ** 2 + amplitudes(cosine, ray.eta**2 / first)[1] ** 2) / 2)
 
 
 def cubic_azimuth(p: int, ray: Any) -> Array:
