@@ -16,7 +16,7 @@ from cuticle.reference.cases import ANGLES, LIMITS, PARAMETERS, Inputs
 from cuticle.reference.formulas import ROUGHLY, Evaluated, Formulas
 from cuticle.reference.models import evaluate
 from cuticle.reference.search import predicted, value_of
-from cuticle.reference.slips import attenuation_by
+from cuticle.reference.slips import attenuation_by, tilted_cosine
 from cuticle.reference.tolerance import EXPLAINED, Quantity
 from cuticle.reference.variants import ROOT, SCALE, scale_of, variances_of, variants
 from cuticle.reference.where_off import where_they_lie, which_are_off
@@ -34,10 +34,20 @@ _CONSTANTS = {
     "ln 2": math.log(2), "log2 e": 1 / math.log(2), "ln 10": math.log(10),
 }  # fmt: skip
 _FAR_ROWS = 40
-_POSITIVE = ("the variance", "every variance", "the scale", "η′", "eta", "beta", "sigma_a")  # no other number has a meaning
+_POSITIVE = (  # no other number has a meaning
+    "the variance", "every variance", "the scale", "the tilted cosine", "the power", "η′", "eta", "beta", "sigma_a",
+)  # fmt: skip
 _HELPS = 0.9  # of the values off: what a change must leave at most to be named
-# Inputs that someone's code may take for a constant.
-_IGNORED = {f"{name} of every case": name for names in PARAMETERS.values() for name in names}
+_NAMES = tuple(dict.fromkeys(name for names in PARAMETERS.values() for name in names))
+_WIDTHS = tuple(name for name in _NAMES if name.startswith("beta"))
+# What someone's code may take for a constant, or clamp, before a number; which inputs that is, and what is made of them.
+_OF_INPUTS: dict[str, tuple[tuple[str, ...], Any]] = {
+    **{f"{name} of every case =": ((name,), lambda x, k: 0 * x + k) for name in _NAMES},
+    **{f"{name} at least": ((name,), np.maximum) for name in (*_WIDTHS, "sigma_a")},
+    **{f"{name} at most": ((name,), np.minimum) for name in (*_WIDTHS, "sigma_a")},
+    "every beta at least": (_WIDTHS, np.maximum),
+    "|h| at most": (("h",), lambda x, k: np.clip(x, -k, k)),
+}  # fmt: skip
 Change = tuple[Formulas, Inputs]
 
 
@@ -102,22 +112,31 @@ def _fitted(words: str, make: Any, F: Formulas, quantity: Quantity, inputs: Inpu
         p = value_of(make, inputs, quantity, ROUGHLY)
         return Clue(words, quantity.outside(p), quantity.score(p))
     grid = _GRID if inputs.near else _COARSE
-    if words in _IGNORED:
-        low, high, _ = LIMITS[_IGNORED[words]]
-        grid = np.linspace(max(low, -20), min(high, 20), 25 if inputs.near else 13)
+    if words in _OF_INPUTS:
+        low, high, _ = LIMITS[_OF_INPUTS[words][0][0]]
+        grid = np.linspace(0 if words.startswith("|") else max(low, -20), min(high, 20), 25 if inputs.near else 13)
     elif words.startswith(_POSITIVE):
         grid = grid[grid > 0]
-    scores = [quantity.score(value(k)) for k in grid]
-    i = int(np.argmin(scores))
-    low, high, best = grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)], (scores[i], float(grid[i]))
-    ratio = (math.sqrt(5) - 1) / 2
+
+    def tried(k: float) -> tuple[float, float]:
+        return quantity.score(value(k)), k
+
+    scores = [tried(float(k)) for k in grid]
+    i = scores.index(min(scores))
+    low, high, ratio = grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)], (math.sqrt(5) - 1) / 2
+    a, b = tried(high - ratio * (high - low)), tried(low + ratio * (high - low))
+    best = min(scores[i], a, b)
     for _ in range(26 if inputs.near else 10):  # golden section
-        a, b = high - ratio * (high - low), low + ratio * (high - low)
-        sa, sb = quantity.score(value(a)), quantity.score(value(b))
-        best = min(best, (sa, float(a)), (sb, float(b)))
-        low, high = (low, b) if sa < sb else (a, high)
+        if a[0] < b[0]:
+            high, b = b[1], a
+            a = tried(high - ratio * (high - low))
+        else:
+            low, a = a[1], b
+            b = tried(low + ratio * (high - low))
+        best = min(best, a, b)
     p = value(best[1])
-    return Clue(f"{words} {'=' if words in _IGNORED else '×'} {constant(best[1])}", quantity.outside(p), quantity.score(p))
+    times = "" if words in _OF_INPUTS else " ×"
+    return Clue(f"{words}{times} {constant(best[1])}", quantity.outside(p), quantity.score(p))
 
 
 def _one_number(F: Formulas, inputs: Inputs) -> Iterator[tuple[str, Callable[[float], Change]]]:
@@ -128,13 +147,17 @@ def _one_number(F: Formulas, inputs: Inputs) -> Iterator[tuple[str, Callable[[fl
     for name in inputs.columns:
         if name not in (*ANGLES, "h"):
             yield name, _input_times(F, inputs, name)
-    for words, name in _IGNORED.items():
-        if name in inputs.columns:
-            yield words, _input_of(F, inputs, name)
+    for words, (names, of) in _OF_INPUTS.items():
+        if {*names}.intersection([*inputs.columns, "sigma_a"]):
+            yield words, _inputs_of(F, inputs, names, of)
     yield "sigma_a", lambda k: (F, replace(inputs, sigma_a=np.maximum(inputs.sigma_a * k, 0)))
+    yield "the power of f", lambda k: (replace(F, finish=lambda q, f: F.finish(q, f) ** k), inputs)
     yield "the scale of D", lambda k: (replace(F, scale=lambda q: F.scale(q) * max(k, 1e-3)), inputs)
     yield "every variance of M", _lobes_times(F, inputs, "variances", None)
     yield "every tilt", _lobes_times(F, inputs, "tilts", None)
+    if F.normalised:
+        yield "the tilt in the cosine", lambda k: (tilted_cosine(lambda q, c: np.cos(_tilted(q, c, k)))(F), inputs)
+        yield "the tilted cosine", lambda k: (tilted_cosine(lambda q, c: k * np.cos(c))(F), inputs)
     yield "η′", lambda k: (replace(F, bravais=lambda theta, eta: F.bravais(theta, eta) * max(k, 1e-3)), inputs)
     if F.kind == "chiang":
         yield from _coefficients(F, inputs)
@@ -145,6 +168,10 @@ def _one_number(F: Formulas, inputs: Inputs) -> Iterator[tuple[str, Callable[[fl
             yield f"the tilt of {lobe}", _lobes_times(F, inputs, "tilts", p)
 
 
+def _tilted(q: Any, cone: Array, k: float) -> Array:
+    return k * (cone + q.theta_r) - q.theta_r
+
+
 def _back_times(F: Formulas, inputs: Inputs, change: Callable[[Any, float], Any]) -> Callable[[float], Change]:
     return lambda k: (replace(F, back=change(F.back, k)), inputs)
 
@@ -153,9 +180,12 @@ def _input_times(F: Formulas, inputs: Inputs, name: str) -> Callable[[float], Ch
     return lambda k: (F, _scaled(inputs, name, k))
 
 
-def _input_of(F: Formulas, inputs: Inputs, name: str) -> Callable[[float], Change]:
-    columns = inputs.columns
-    return lambda k: (F, replace(inputs, columns={**columns, name: np.full(len(inputs), k)}))
+def _inputs_of(F: Formulas, inputs: Inputs, names: tuple[str, ...], of: Any) -> Callable[[float], Change]:
+    def change(k: float) -> Change:
+        columns = {n: of(x, k) if n in names else x for n, x in inputs.columns.items()}
+        return F, replace(inputs, columns=columns, sigma_a=of(inputs.sigma_a, k) if "sigma_a" in names else inputs.sigma_a)
+
+    return change
 
 
 def _lobes_times(F: Formulas, inputs: Inputs, what: str, lobe: int | None) -> Callable[[float], Change]:
@@ -177,7 +207,9 @@ def _energy_times(F: Formulas, inputs: Inputs, lobe: int) -> Callable[[float], C
 
 
 def _coefficients(F: Formulas, inputs: Inputs) -> Iterator[tuple[str, Callable[[float], Change]]]:
-    """Each coefficient of Chiang's polynomials of roughness."""
+    """Each coefficient of Chiang's polynomials of roughness, and powers of what they are given."""
+    for words, names in (("beta_m", ("beta_m",)), ("beta_n", ("beta_n",)), ("every beta", _WIDTHS)):
+        yield f"the power of {words}", _inputs_of(F, inputs, names, np.power)
     for j in range(3):
 
         def variances(k: float, j: int = j) -> Change:

@@ -7,13 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cuticle.reference.formulas import Formulas
+from cuticle.reference.formulas import Formulas, amplitudes, from_outside
+from cuticle.reference.slips import fresnel_by, schlick
 
 Array = NDArray[np.float64]
 Variant = tuple[str, Formulas]
@@ -25,12 +27,20 @@ def variants(F: Formulas) -> Iterator[Variant]:
     if F.back is not None:
         return
     yield from _attenuations(F)
+    yield from _offsets(F)
     yield from _azimuths(F)
     yield from _paths(F)
     yield from _fresnel_cosines(F)
+    yield from _fresnel_terms(F)
     yield from _inclinations(F)
+    yield "f is encoded as sRGB", replace(F, finish=_after(F.finish, _srgb))
     if F.kind == "chiang":
+        yield from _densities(F)
         yield from _coefficients(F)
+
+
+def _srgb(x: Array) -> Array:
+    return np.where(x < 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 1e-9) ** (1 / 2.4) - 0.055)
 
 
 def _attenuations(F: Formulas) -> Iterator[Variant]:
@@ -59,8 +69,35 @@ def _product(n: tuple[int, ...]) -> str:
     return " ".join(words) or "1"
 
 
+def _offsets(F: Formulas) -> Iterator[Variant]:
+    """Other offsets than h."""
+    others: dict[str, Any] = {
+        "2h - 1": lambda h: np.clip(2 * h - 1, -1, 1), "|h|": np.abs, "√(1 - h²)": lambda h: np.sqrt(1 - h**2),
+        "sin h": np.sin, "asin(h) 2/π": lambda h: np.arcsin(h) * 2 / np.pi, "sin(h π/2)": lambda h: np.sin(h * np.pi / 2),
+    }  # fmt: skip
+    for words, other in others.items():
+        yield f"{words} for h", replace(F, offset=_after(F.offset, other))
+
+
+def _after(right: Any, other: Any) -> Any:
+    return lambda *x: other(right(*x))
+
+
 def _azimuths(F: Formulas) -> Iterator[Variant]:
-    """phi_p = a gamma_t + b gamma_i + c pi of one lobe."""
+    """phi_p = a gamma_t + b gamma_i + c pi of every lobe, or of one."""
+    for a, b, c, first in product((0, 1, 2), (-2, -1, 0, 1, 2), (0, 1), (0, 1)):
+        if (a, b, c, first) != (2, -2, 1, 0):
+
+            def every(lobe: int, ray: Any, n: Any = (a, b, c, first)) -> Array:
+                p = lobe + n[3]
+                return np.asarray(n[0] * p * ray.gamma_t + n[1] * ray.gamma_i + n[2] * p * np.pi)
+
+            order = "(p + 1)" if first else "p"
+            yield f"φ_p = {a} {order} γ_t {b:+d} γ_i{f' + {order} π' if c else ''}", replace(F, azimuth=every)
+    yield "φ - φ_p + π", replace(F, azimuth=lambda p, ray: F.azimuth(p, ray) - np.pi)
+    yield "φ in degrees", replace(F, azimuth=lambda p, ray: F.azimuth(p, ray) + ray.q.phi - np.degrees(ray.q.phi))
+    unprimed = replace(F, azimuth=lambda p, ray: F.azimuth(p, ray) + 2 * p * (_unprimed(ray) - ray.gamma_t))
+    yield "in φ_p, sin γ_t = h/η", unprimed
     for p in range(3):
         multiples = sorted({0, p, -p, 2 * p, -2 * p, 4 * p})
         for a, b, c in product(multiples, (-2, -1, 0, 1, 2), (0, 1)):
@@ -95,11 +132,19 @@ def _paths(F: Formulas) -> Iterator[Variant]:
         "cos θ_t = √(1 - sin²θ/η)": lambda r: np.sqrt(1 - np.sin(r.theta) ** 2 / r.eta),
         "cos θ_t = √(1 - |sin θ|/η)": lambda r: np.sqrt(1 - np.abs(np.sin(r.theta)) / r.eta),
         "sin θ_t = sin θ/η′": lambda r: np.sqrt(1 - np.minimum(np.sin(r.theta) / r.eta_prime, 0.999) ** 2),
+        "cos θ_i for cos θ_t": lambda r: np.cos(r.q.theta_i),
         "θ_t of θ_i": lambda r: np.sqrt(1 - (np.sin(r.q.theta_i) / r.eta) ** 2),
         "θ_t of θ_d": lambda r: np.sqrt(1 - (np.sin((r.q.theta_r - r.q.theta_i) / 2) / r.eta) ** 2),
     }
     for words, cosine in others.items():
         yield f"in the path, {words}", replace(F, path=_path_of(F, cosine))
+    chord = replace(F, path=lambda ray: F.path(ray) * np.cos(_unprimed(ray)) / np.cos(ray.gamma_t))
+    yield "in the path, sin γ_t = h/η", chord
+
+
+def _unprimed(ray: Any) -> Array:
+    """Return gamma_t of eta for eta'."""
+    return np.asarray(np.arcsin(np.sin(ray.gamma_i) / ray.eta))
 
 
 def _powers(cosines: Sequence[Array], n: Sequence[int]) -> Array:
@@ -134,6 +179,25 @@ def _fresnel_cosines(F: Formulas) -> Iterator[Variant]:
         )
 
 
+def _fresnel_terms(F: Formulas) -> Iterator[Variant]:
+    """Fresnel's term of other means of the amplitudes, and Schlick's with other powers."""
+    means: dict[str, Any] = {
+        "(½ (r_s + r_p))²": lambda s, p: (s + p) ** 2 / 4,
+        "½ (|r_s| + |r_p|)": lambda s, p: (np.abs(s) + np.abs(p)) / 2,
+        "|r_s r_p|": lambda s, p: np.abs(s * p),
+    }
+    for words, mean in means.items():
+        yield f"F = {words} for ½ (r_s² + r_p²)", replace(F, fresnel=_mean_of(mean))
+    in_section = fresnel_by(lambda q, ray: from_outside(F.fresnel_cosine(q, ray), ray.eta_prime))
+    yield "F with η′ for η", in_section(F)
+    for power in (2, 3, 4, 6):
+        yield f"F = F_0 + (1 - F_0)(1 - cos)^{power}", replace(F, fresnel=partial(schlick, power=power))
+
+
+def _mean_of(mean: Any) -> Any:
+    return lambda cosine, eta: mean(*amplitudes(cosine, eta))
+
+
 def _cosine_at(inclination: Any) -> Any:
     return lambda q, ray: np.cos(inclination(q)) * np.cos(ray.gamma_i)
 
@@ -160,6 +224,21 @@ def _inclinations(F: Formulas) -> Iterator[Variant]:
     yield "the optics at the tilted θ_r of R", replace(F, inclination=lambda q: q.theta_r - F.tilts(q)[0])
 
 
+def _densities(F: Formulas) -> Iterator[Variant]:
+    """Other functions than the trimmed logistic, e = exp(-|x|/s)."""
+    others: dict[str, Any] = {
+        "D without its 1/s": lambda x, s: s * F.density(x, s),
+        "D = e/(s (1 + e)), not squared": lambda x, s: F.density(x, s) * (1 + np.exp(-np.abs(x) / s)),
+        "D divided by its integral over ±π/2": lambda x, s: (
+            F.density(x, s) * np.tanh(np.pi / 2 / s) / np.tanh(np.pi / 4 / s)
+        ),
+        "D of x/2": lambda x, s: F.density(x / 2, s),
+        "D a Cauchy distribution": lambda x, s: s / (np.pi * (x**2 + s**2)),
+    }
+    for words, other in others.items():
+        yield words, replace(F, density=other)
+
+
 def _coefficients(F: Formulas) -> Iterator[Variant]:
     """Chiang's polynomials of roughness with other exponents, or without a term."""
     m, n = ROOT, SCALE
@@ -171,6 +250,8 @@ def _coefficients(F: Formulas) -> Iterator[Variant]:
     for given in powers:
         words = f"s = √(π/8) (.265 β^{given[0]} + 1.194 β^{given[1]} + 5.372 β^{given[2]})"
         yield words, replace(F, scale=scale_of(n, given))
+    yield "v of the polynomial of s", replace(F, variances=variances_of(n, (1, 2, 22)))
+    yield "s of the polynomial of v", replace(F, scale=scale_of(m, (1, 2, 20)))
     for k in range(3):
         cut = tuple(0.0 if j == k else c for j, c in enumerate(m))
         yield f"v without its term {k + 1}", replace(F, variances=variances_of(cut, (1, 2, 20)))
