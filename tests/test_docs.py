@@ -40,7 +40,8 @@ def play(page: Path, folder: Path, *options: str) -> None:
 
 # Pages of which `make test-all` runs even what is quick: the README and the other pages show each command that they do.
 LATER = {
-    f"docs/{page}.md" for page in ("extending/fibre_model", "extending/verdict", "grooms", "models", "sampler", "sources")
+    f"docs/{page}.md"
+    for page in ("extending/fibre_model", "extending/verdict", "family", "grooms", "models", "sampler", "sources")
 }
 
 
