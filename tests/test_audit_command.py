@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import cuticle
-from command import run, run_program
+from command import run
 from cuticle import audit
 from test_audit import BASE, failed, write
 
@@ -97,7 +97,7 @@ def test_the_commands_level_seed_and_reciprocity_are_the_audits(tmp_path: Path) 
 @needs_mitsuba
 def test_the_command_audits_a_plugin(tmp_path: Path) -> None:
     given = ("longitudinal_roughness=.25", "azimuthal_roughness=.3", "eumelanin=.3")
-    done = run_program("audit", "mitsuba:hair", *given, "--samples", "20000", "--theta-r=-75", "--json", cwd=tmp_path)
+    done = run("audit", "mitsuba:hair", *given, "--samples", "20000", "--theta-r=-75", "--json", cwd=tmp_path)
     assert done.returncode == 1, done.stderr
     plain = json.loads(done.stdout)
     assert plain["cases"][0]["repeated"][0][:2] == ["theta_i", 0.0]

@@ -166,7 +166,7 @@ SMALL = ("--spp", "4", "--width", "32", "--followers", "1")
 
 
 def test_command_line(tmp_path: Path) -> None:
-    ran = run_program("render", "lock", "-o", "lock.exr", *SMALL, "--json", cwd=tmp_path)
+    ran = run("render", "lock", "-o", "lock.exr", *SMALL, "--json", cwd=tmp_path)
     assert ran.returncode == 0, ran.stderr
     assert json.loads(ran.stdout)["strands"] == 2000
 
