@@ -24,6 +24,7 @@ from cuticle.grooms.procedural import hair_ball
 from cuticle.scattering.by_name import model_of
 
 FIBRE = cuticle.Fibre.preset("brown")
+GREY = FIBRE.replace(eumelanin=None, sigma_a=0.6)  # one channel: tables among strands take a third of the time
 ANGLES = (0.1, -0.2, 2.5)
 
 
@@ -57,13 +58,11 @@ def _mitsuba() -> Any:
 MAKE: dict[str, Callable[[], Any]] = {
     "Fibre": lambda: FIBRE,
     "Marschner": lambda: cuticle.Marschner(FIBRE),
-    "DualScattering": lambda: cuticle.DualScattering(FIBRE, 2),
+    "DualScattering": lambda: cuticle.DualScattering(GREY, 2),
     "Chiang": lambda: cuticle.Chiang(eumelanin=1.3),
     "ChiangNear": lambda: cuticle.Chiang(eumelanin=1.3).near([0.3]),
     "Family": lambda: cuticle.family("marschner").sampler_at(FIBRE),  # which holds it, and is called without a fibre
-    "FamilyAmong": lambda: cuticle.family("dual_scattering", cuticle.Chiang(eumelanin=1.3)).sampler_at(
-        eumelanin=1, strands=2
-    ),
+    "FamilyAmong": lambda: cuticle.family("dual_scattering", cuticle.Chiang(sigma_a=0.8)).sampler_at(sigma_a=0.6, strands=2),
     "Fibres": lambda: cuticle.family("chiang").fibres(beta_m=[0.2, 0.3], eumelanin=1.3),
     "Strands": lambda: cuticle.Strands(used("Tabulated"), 2),
     "Tabulated": _tabulated,
