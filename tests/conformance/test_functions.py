@@ -108,15 +108,26 @@ def test_f_is_the_cores(kind: str, to: str, browser: Any, tmp_path: Path) -> Non
     np.testing.assert_allclose(got, expected(kind, x), **SINGLE)
 
 
+@pytest.fixture(scope="module")
+def in_double(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], np.ndarray]:
+    """What a program in double precision says to all that may be around a strand: compiled and run once a kind."""
+
+    @cache
+    def answers(kind: str) -> np.ndarray:
+        return hosts.cpp(written(kind, "cpp"), cases(True), tmp_path_factory.mktemp("double"), precision="double")
+
+    return answers
+
+
 @pytest.mark.parametrize("kind", ["dual, exact", pytest.param("dual, zinke2008", marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     "to", [pytest.param(to, marks=pytest.mark.slow if to in ("hlsl", "metal") else ()) for to in CARRIERS]
 )
-def test_f_among_strands_that_are_random_or_have_an_end(kind: str, to: str, browser: Any, tmp_path: Path) -> None:
+def test_f_among_strands_that_are_random_or_have_an_end(
+    kind: str, to: str, in_double: Callable[[str], np.ndarray], browser: Any, tmp_path: Path
+) -> None:
     x = cases(True)
-    made = written(kind, "cpp")
-    (tmp_path / "double").mkdir()
-    reference = hosts.cpp(made, x, tmp_path / "double", precision="double")
+    reference = in_double(kind)
     known = np.isfinite(wanted := expected(kind, x))
     assert known.mean() > 0.6
     np.testing.assert_allclose(reference[known], wanted[known], **DOUBLE)
