@@ -50,7 +50,10 @@ def test_a_few_values_off_blame_no_lobe() -> None:
 
 @pytest.mark.parametrize(("limit", "words"), [
     (lambda q: having(offset=lambda q: np.where(np.abs(q.h) > 0.97, q.h / 2, q.h)), "cases that are off have |h| ≥ 0.97"),
-    (lambda q: having(log_i0=lambda x: F.log_i0(x) + 0.3 * (x > 100)), "the largest cos θ_i cos θ_o/v of its lobes ≥ 1"),
+    pytest.param(
+        lambda q: having(log_i0=lambda x: F.log_i0(x) + 0.3 * (x > 100)), "the largest cos θ_i cos θ_o/v of its lobes ≥ 1",
+        marks=pytest.mark.slow,
+    ),
 ])  # fmt: skip
 def test_a_limit_beyond_which_values_are_off_is_named(limit: Any, words: str) -> None:
     text = with_formulas(limit(None))
