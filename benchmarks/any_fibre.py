@@ -7,7 +7,8 @@ interleaved rounds on one thread in single precision (g++ -O3 -march=native), in
 
 `--box N` tells the ESS of N fibres a family instead; `--falcor FILE` that of every tenth fibre and viewer of the 50,000 of
 Falcor's tests. The function is then the near field, averaged over the width by 500 Gauss-Legendre nodes: no cells, no
-tables. `--strands N`: that of N fibres a family through 1 to 12 strands. `--chi-square N`: whether samples of N fibres
+tables. `--strands N`: that of N fibres a family through 1 to 12 strands, and through Poisson numbers of them.
+`--chi-square N`: whether samples of N fibres
 a family, a million of each, follow their density; all together have a false-positive rate of 1e-3 (Šidák). `--gaussian
 N`: how well Marschner's family samples his Gaussian form.
 """
@@ -33,6 +34,7 @@ from cuticle._support.files import write_bytes
 from cuticle._support.quadrature import gauss_legendre
 from cuticle.checking.verdicts import sidak
 from cuticle.cli.tables import table
+from cuticle.scattering.among_strands import _Energies
 from cuticle.scattering.bcsdf import luminance_weights
 
 ROOT = Path(__file__).parents[1]
@@ -183,6 +185,32 @@ def box(fibres: int, path: Path | None) -> None:
     out.print(listing)
 
 
+class Expected:
+    """What light through a Poisson number of strands does, by the transport behind `Strands`: of cells, without lobes."""
+
+    def __init__(self, among: cuticle.Strands, mean: float) -> None:
+        d, self.single, self.channels = among._directions, among.model, among.channels
+        every = np.eye(d.rows)
+        arrived = [sum(t.through_random(every, (mean,), medium=False)[0]) for t in among._transports]
+        self.others = _Energies(d, np.maximum(np.array(arrived).transpose(0, 2, 3, 1)[:, ::-1], 0))
+        self.lit = np.exp(-mean)
+
+    def eval(self, theta_i: Any, theta_r: Any, phi: Any) -> Any:
+        """f in 1/sr."""
+        return self.lit * np.asarray(self.single.eval(theta_i, theta_r, phi)) + self.others(theta_i, theta_r, phi)
+
+
+class Drawn:
+    """The family's density for a Poisson number of strands."""
+
+    def __init__(self, family: Any, fibre: Any, mean: float) -> None:
+        self.family, self.fibre, self.mean = family, fibre, mean
+
+    def pdf(self, theta_i: Any, theta_r: Any, phi: Any, strands: Any = None) -> Any:
+        """The density, 1/sr."""
+        return self.family.pdf(theta_i, theta_r, phi, self.fibre, strands=self.mean, random=True)
+
+
 def strands(fibres: int) -> None:
     """Print ESS through strands like the fibre itself, against `Strands`, which has light in cells and no lobes."""
     rng = np.random.default_rng(3)
@@ -190,7 +218,8 @@ def strands(fibres: int) -> None:
     for column in ("fibres", "number", "strands", "mean", "1st percentile", "worst", "at .9 or more"):
         listing.add_column(column, justify="left" if column == "fibres" else "right")
     for form in ("chiang", "marschner"):
-        found: dict[int, list[float]] = {n: [] for n in (1, 2, 3, 4, 6, 8, 12)}
+        found: dict[float, list[float]] = {n: [] for n in (1, 2, 3, 4, 6, 8, 12)}
+        random: dict[float, list[float]] = {n: [] for n in (0.5, 1, 1.5, 2, 3, 4, 8)}
         seen = []
         for _ in track(range(fibres), form, console=Console(stderr=True), disable=not sys.stderr.isatty()):
             fibre, single = random_fibre(form, rng)
@@ -199,17 +228,21 @@ def strands(fibres: int) -> None:
             theta_r = rng.uniform(-1, 1) * np.radians(75)
             for n, ess in found.items():
                 ess.append(cuticle.measure(family.sampler_at(fibre, strands=n), model.with_strands(n), theta_r).ess)
+            whole = cuticle.family("dual_scattering", fibre, d_f=1, d_b=1)
+            for n, ess in random.items():
+                ess.append(cuticle.measure(Drawn(whole, fibre, n), Expected(model, n), theta_r).ess)
             seen.append((fibre, single, theta_r))
-        for n, ess in found.items():
-            numbers = (np.mean(ess), np.quantile(ess, 0.01), min(ess))
-            high = f"{100 * np.mean(np.array(ess) >= 0.9):.0f} %"
-            listing.add_row(form, str(fibres), str(n), *(f"{x:.4f}" for x in numbers), high)
-        for ess, n, k in sorted((x, n, k) for n, all_of_it in found.items() for k, x in enumerate(all_of_it))[:LOWEST]:
+        for words, each in (("", found), (" expected", random)):
+            for n, ess in each.items():
+                numbers = (np.mean(ess), np.quantile(ess, 0.01), min(ess))
+                high = f"{100 * np.mean(np.array(ess) >= 0.9):.0f} %"
+                listing.add_row(form, str(fibres), f"{n:g}{words}", *(f"{x:.4f}" for x in numbers), high)
+        for worst, n, k in sorted((x, n, k) for n, all_of_it in found.items() for k, x in enumerate(all_of_it))[:LOWEST]:
             fibre, single, theta_r = seen[k]
             sampler = cuticle.family("dual_scattering", fibre, d_f=0.7, d_b=0.7).sampler_at(fibre, strands=n)
             finer = cuticle.measure(sampler, cuticle.Strands(single, n, rows=91), theta_r).ess
             place = f"{fibre!r}, theta_r {np.degrees(theta_r):.1f}°"
-            out.print(f"{form}, through {n}: {ess:.4f}, by rows half as wide {finer:.4f}: {place}")
+            out.print(f"{form}, through {n:g}: {worst:.4f}, by rows half as wide {finer:.4f}: {place}")
     out.print(listing)
 
 

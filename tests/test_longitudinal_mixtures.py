@@ -54,7 +54,7 @@ def apart(found: Array, known: Array) -> Array:
 
 def alone(viewers: Array, energy: Array) -> Array:
     """Mixtures of energies that have nothing to do with each other, shape (viewers, n, 8)."""
-    return longitudinal_mixtures(D.theta, viewers, energy[:, None, None], [0], [], 0)[:, 0, 0]
+    return longitudinal_mixtures(D.theta, viewers, energy[:, None, None], [0], [])[:, 0, 0]
 
 
 def test_a_known_mixture_is_recovered() -> None:
@@ -115,7 +115,7 @@ def test_three_peaks_are_told_apart(fibre: str, bounds: list[float]) -> None:
             assert measure(sampler, seen, np.radians(viewer)).ess > bound, (strands, viewer)
 
 
-@pytest.mark.parametrize(("fibre", "bounds"), [("dark", [0.3, 0.2, 0.35]), ("smooth", [0.94, 0.93, 0.82])])
+@pytest.mark.parametrize(("fibre", "bounds"), [("dark", [0.3, 0.5, 0.8]), ("smooth", [0.94, 0.94, 0.83])])
 def test_between_the_tables_numbers_of_strands_the_peaks_are_where_they_are(fibre: str, bounds: list[float]) -> None:
     """M's of one number of strands that are not the next one's, in their order, are mixed up: the smooth one would have .09
     through 3. The dark one's are: those that follow lose more at 2 strands than they may.
@@ -133,7 +133,7 @@ def test_peaks_that_move_with_strands_and_absorption_stay_in_their_order() -> No
     known = np.array([[mixtures([[(s, -31, 8), (0.6 - 0.6 * s, -3, 20), (0.4 - 0.4 * s, 10, 6)]]) for s in shares]] * 5)
     known[..., 2::2] += np.radians([0, 10, 20, 30, 40])[:, None, None, None, None]
     known = np.moveaxis(known, 2, 0)  # (viewers, strands, absorptions, 1, columns)
-    found = longitudinal_mixtures(D.theta, VIEWERS, in_rows(known), [0, 1, 2, 4], [0, 1, 3], 20)
+    found = longitudinal_mixtures(D.theta, VIEWERS, in_rows(known), [0, 1, 2, 4], [0, 1, 3])
     inner = slice(4, 13)  # far out peaks leave past the poles
     assert apart(found, known[:, [0, 1, 2, 4]])[inner].max() < 0.05
     assert apart(0.5 * (found[:, 2] + found[:, 3]), known[:, 3])[inner].max() < 0.05

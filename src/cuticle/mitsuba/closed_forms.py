@@ -175,4 +175,4 @@ def _over_colours(share: Array, along: Array) -> Array:
         return of_each[:, :, 0]
     theta = Directions().theta
     energy = (share[..., None] * in_rows(theta, of_each)).sum(axis=2)
-    return longitudinal_mixtures(theta, theta[::ALONG_ROWS], energy[:, None, None], [0], [], 0)[:, 0, 0]
+    return longitudinal_mixtures(theta, theta[::ALONG_ROWS], energy[:, None, None], [0], [])[:, 0, 0]

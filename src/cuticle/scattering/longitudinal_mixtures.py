@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,15 +16,15 @@ from numpy.typing import NDArray
 from cuticle import _core
 
 Array = NDArray[np.float64]
-# The M's at the start: axes in deviations of the single M from its own, variances out of its. The second is tried where the
-# first loses more of ESS than `_POOR`, and taken where it loses less than `_BETTER` of that: of two that are as good, like
-# fibres should not have now one, now the other.
+# The M's at the start: axes in deviations of the single M from its own, variances out of its.
 _STARTS = ((0.0, 0.0, 0.0), (0.15, 0.7, 2.0)), ((-1.5, 1.5, 0.0), (0.3, 0.3, 0.3))
-_POOR, _BETTER = 0.01, 0.7
-# Of ESS: what is lost halfway between numbers of strands, all together, from where M's are tried that follow from one number
-# to the next; and what these may lose more at one.
-_FAR_APART, _WORSE = 0.1, 0.005
-_STEPS, _SETTLED = 60, 5  # at first, for the middle viewer and absorption; of these at order 1
+# How M's of one number of strands follow from those of more (None: each starts alone; True: turned and widened as a single
+# M is from one to the other), and a start. The next is tried where the one before loses more of ESS than `_POOR` on average.
+# It is taken where it loses less than `_BETTER` of that, and at no number that is returned more than `_WORSE` more: of two
+# that are as good, like fibres should not have now one, now the other.
+_WAYS = [(turned, start) for turned in (None, False, True) for start in _STARTS]
+_POOR, _BETTER, _WORSE = 0.01, 0.7, 0.01
+_STEPS, _SETTLED = 60, 5  # for the middle viewer and absorption; before them, at order 1
 _STEPS_ON = 8  # for each absorption and viewer that follows
 # The order of Rényi's divergence that is lowered. At 1, the likelihood's, tails of smooth dark fibres are lost: 1e-40 where
 # 1e-7 of the light is. Toward 2, ESS's own, tails draw the M's away from the peaks.
@@ -40,13 +39,13 @@ _LOG_K = math.log(0.05), math.log(1e5)
 
 
 def longitudinal_mixtures(
-    theta: Array, viewers: Array, energy: Array, nodes: Sequence[int], halfway: Sequence[int], steps: int
+    theta: Array, viewers: Array, energy: Array, nodes: Sequence[int], halfway: Sequence[int]
 ) -> Array:
     """Return mixtures of three M's near the energies of some numbers of strands, to be interpolated between these.
 
-    The M's of successive viewers and absorptions are alike: each was found from its neighbour's. Those of the middle ones
-    start as wide as one M and narrower and wider than it, for each number of strands. Where peaks move so far that means of
-    two numbers' M's lie beside those halfway, the M's of one number start from those of the one before.
+    The M's of successive absorptions and viewers are alike: each was found from its neighbour's. Where the M's of each
+    number of strands, found alone, lose much, or means of two numbers' M's lie beside the peaks halfway, those of fewer
+    strands are found from those of more, whose light is spread out.
 
     Parameters
     ----------
@@ -61,8 +60,6 @@ def longitudinal_mixtures(
     halfway
         For each node but the last, the number of strands halfway to the next; the node itself where none is known. There
         the mean of both should be near, too.
-    steps
-        Of expectation and maximisation for each number past the second, from the one before it.
 
     Returns
     -------
@@ -75,29 +72,25 @@ def longitudinal_mixtures(
     each = share.reshape(*energy.shape[:3], -1, len(theta))
     between = [(k, h) for k, h in enumerate(halfway) if h != nodes[k]]
 
-    def lost(found: Array, some: Any = slice(None)) -> tuple[Array, Array]:
-        """What mixtures lose of ESS at nodes, (nodes, n), and of all halfway from one to the next, (n,)."""
-        of = each[:, :, :, some]
-        way = [_lost(theta, of[:, h], 0.5 * (found[:, :, k] + found[:, :, k + 1])).mean(axis=0) for k, h in between]
-        return _lost(theta, of[:, nodes], found).mean(axis=1), np.asarray(sum(way))
+    def lost(found: Array, of: Array) -> Array:
+        """What mixtures lose of ESS at nodes, then halfway from one to the next, (numbers, n)."""
+        at = [(n, found[:, :, k]) for k, n in enumerate(nodes)]
+        at += [(h, 0.5 * (found[:, :, k] + found[:, :, k + 1])) for k, h in between]
+        return np.array([_lost(theta, of[:, n], x).mean(axis=0) for n, x in at])
 
-    found = _followed(theta, viewers, each[:, nodes], _STARTS[0], 0)
-    at_nodes = lost(found)[0]
-    poor = np.flatnonzero(at_nodes.max(axis=0) > _POOR)
-    others = _followed(theta, viewers, each[:, nodes][:, :, :, poor], _STARTS[1], 0)
-    for k, less in enumerate(lost(others, poor)[0]):
-        better = (at_nodes[k, poor] > _POOR) & (less < _BETTER * at_nodes[k, poor])
-        found[:, :, k][:, :, :, poor[better]] = others[:, :, k][:, :, :, better]
-    for start in _STARTS if between else ():
-        at_nodes, halfway_on = lost(found)
-        far = np.flatnonzero(halfway_on > _FAR_APART)
-        if not far.size:
+    found = _followed(theta, viewers, each[:, nodes], *_WAYS[0])
+    losses = lost(found, each)
+    for way in _WAYS[1:] if between else _WAYS[1 : len(_STARTS)]:  # of one number there is nothing to follow
+        poor = np.flatnonzero(losses.mean(axis=0) > _POOR)
+        if not poor.size:
             break
-        others = _followed(theta, viewers, each[:, :, :, far], start, steps)[:, :, nodes]
-        less, less_on = lost(others, far)
-        better = less_on < _BETTER * halfway_on[far]
-        better &= (less[1:] < at_nodes[1:, far] + _WORSE).all(axis=0)
-        found[:, :, 1:, :, far[better]] = others[:, :, 1:, :, better]
+        of = each[:, :, :, poor]
+        others = _followed(theta, viewers, of[:, nodes], *way)
+        less = lost(others, of)
+        better = less.mean(axis=0) < _BETTER * losses[:, poor].mean(axis=0)
+        better &= (less < losses[:, poor] + _WORSE)[: len(nodes)].all(axis=0)
+        found[:, :, :, :, poor[better]] = others[:, :, :, :, better]
+        losses[:, poor[better]] = less[:, better]
     shares, axes, variances = found.reshape(3, len(viewers), len(nodes), *energy.shape[2:-1], -1)
     return np.concatenate([shares[..., :-1], np.stack([axes, variances], axis=-1).reshape(*axes.shape[:-1], -1)], axis=-1)
 
@@ -109,28 +102,29 @@ def in_rows(theta: Array, mixtures: Array) -> Array:
 
 
 def _followed(
-    theta: Array, viewers: Array, share: Array, start: tuple[tuple[float, ...], tuple[float, ...]], steps: int
+    theta: Array, viewers: Array, share: Array, turned: bool | None, start: tuple[tuple[float, ...], tuple[float, ...]]
 ) -> Array:
     """Shares, axes and variances, (3, viewers, numbers, absorptions, n, M's), for energies out of 1.
 
-    From the middle absorption to the others, then from the middle viewer to the others. Before that, with `steps`, from
-    number to number of strands, but for the first.
+    Of the middle viewer and absorption: of all numbers of strands, or from the last to the first. Then from that absorption
+    to the others, and from that viewer.
     """
     middle, among = len(viewers) // 2, share.shape[2] // 2
     here = share[middle]
     single = np.stack(axis_and_variance(*_means(_sums(theta, here))))[..., None]
     found = np.empty((3, *share.shape[:-1], len(start[0])))
-    of = found[:, middle]
-    first = slice(0, 2) if steps else slice(None)
-    shares = np.full(of[0, first, among].shape, 1 / len(start[0]))
-    axes, variances = (np.broadcast_to(x, shares.shape) for x in start)
-    of[:, first, among] = _as_single(single[:, first, among], shares, axes, variances)
-    for step in range(_STEPS):
-        of[:, first, among] = _nearer(theta, here[first, among], of[:, first, among], 1 if step < _SETTLED else _ORDER)
-    for k in range(2, len(here)) if steps else ():
-        of[:, k, among] = _turned(of[:, k - 1, among], single[:, k - 1, among], single[:, k, among])
-        for _ in range(steps):
-            of[:, k, among] = _nearer(theta, here[k, among], of[:, k, among], _ORDER)
+    of, count = found[:, middle], len(here)
+    each = [slice(count)] if turned is None else [slice(k, k + 1) for k in reversed(range(count))]
+    shares = np.full(of[0, each[0], among].shape, 1 / len(start[0]))
+    mixture = _as_single(single[:, each[0], among], shares, *(np.broadcast_to(x, shares.shape) for x in start))
+    for _ in range(_SETTLED):
+        mixture = _nearer(theta, here[each[0], among], mixture, 1)
+    for k, before in zip(each, [each[0], *each], strict=False):
+        if turned:
+            mixture = _turned(mixture, single[:, before, among], single[:, k, among])
+        for _ in range(_STEPS):
+            mixture = _nearer(theta, here[k, among], mixture, _ORDER)
+        of[:, k, among] = mixture
     for a, before in _outward(among, here.shape[1]):
         of[:, :, a] = _turned(of[:, :, before], single[:, :, before], single[:, :, a])
         for _ in range(_STEPS_ON):

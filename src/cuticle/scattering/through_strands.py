@@ -24,10 +24,9 @@ Array = NDArray[np.float64]
 # The core's nodes, 0, 1, 2, 4, 8 and 16 strands, and halfway between them.
 _COUNTS = (0, 1, 2, 3, 4, 6, 8, 12, 16)
 _DEPTHS = (0, 1 / 16, 1 / 8, 1 / 2, 1, 3 / 2, 2, 3, 4, 6, 8, 12, 16)
-# Of these, the core's nodes and what is known halfway from one to the next, the node itself where nothing is; and the steps
-# toward the M's of each: peaks of twice as many sheets are far apart.
-_SHEETS = [0, 1, 2, 4, 6, 8], [0, 1, 3, 5, 7], 60
-_RANDOM = [0, 1, 4, 6, 8, 10, 12], [0, 3, 5, 7, 9, 11], 8
+# Of these, the core's nodes and what is known halfway from one to the next, the node itself where nothing is.
+_SHEETS = [0, 1, 2, 4, 6, 8], [0, 1, 3, 5, 7]
+_RANDOM = [0, 1, 4, 6, 8, 10, 12], [0, 3, 5, 7, 9, 11]
 _NODES = {len(_COUNTS): _SHEETS, len(_DEPTHS): _RANDOM}
 ALONG_ROWS = 2  # rows of the transport for one of the table of M's
 AZIMUTH_ROWS = 4  # rows of the transport for one of the azimuth table
@@ -157,7 +156,7 @@ def _through_sheets(transport: StrandTransport) -> tuple[Array, ...]:
     seen = transport.through_sheets(np.eye(transport.directions.rows), _COUNTS)
     # Nodes: 0, 1, 2, 4, 8, 16 strands; of 0 there is direct light's backscatter. Of a whole number of sheets there is none
     # halfway from 1 to 2: the parabola through 1, 2 and 3 knows it.
-    nodes, halfway, _ = _SHEETS
+    nodes, halfway = _SHEETS
     total = seen.sum(axis=-1)
     one, two, three = total[1:4]
     half = np.exp((3 * _log(one) + 6 * _log(two) - _log(three)) / 8)
@@ -170,7 +169,7 @@ def _through_sheets(transport: StrandTransport) -> tuple[Array, ...]:
 def _through_random(transport: StrandTransport, medium: bool) -> tuple[Array, ...]:
     """The same of energy, of energies over theta_i, and of azimuth, for direct light and a Poisson number of strands."""
     seen = _scattered(transport.through_random(np.eye(transport.directions.rows), _DEPTHS, medium=medium))
-    nodes, halfway, _ = _RANDOM
+    nodes, halfway = _RANDOM
     tables = _of_parts(transport.directions, seen, nodes, seen[halfway].sum(axis=-1))
     tables[0][0, :, 1] = 0
     return tables
