@@ -118,7 +118,7 @@ def test_three_peaks_are_told_apart(fibre: str, bounds: list[float]) -> None:
 @pytest.mark.parametrize(("fibre", "bounds"), [("dark", [0.3, 0.5, 0.8]), ("smooth", [0.94, 0.94, 0.83])])
 def test_between_the_tables_numbers_of_strands_the_peaks_are_where_they_are(fibre: str, bounds: list[float]) -> None:
     """M's of one number of strands that are not the next one's, in their order, are mixed up: the smooth one would have .09
-    through 3. The dark one's are: those that follow lose more at 2 strands than they may.
+    through 3. Of the dark one some are, those at 2 and 4: all that follow lose more at 2 strands than they may.
     """
     among, model = family("dual_scattering", TILTED[fibre], d_f=0.7, d_b=0.7), Strands(TILTED[fibre])
     for strands, bound in zip((3, 6, 12), bounds, strict=True):

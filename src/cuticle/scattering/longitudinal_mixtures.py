@@ -22,7 +22,7 @@ _STARTS = ((0.0, 0.0, 0.0), (0.15, 0.7, 2.0)), ((-1.5, 1.5, 0.0), (0.3, 0.3, 0.3
 # M is from one to the other), and a start. The next is tried where the one before loses more of ESS than `_POOR` on average.
 # It is taken where it loses less than `_BETTER` of that, and at no number that is returned more than `_WORSE` more: of two
 # that are as good, like fibres should not have now one, now the other.
-_WAYS = [(turned, start) for turned in (None, False, True) for start in _STARTS]
+_WAYS = [(turned, start) for start in _STARTS for turned in (None, False, True)]
 _POOR, _BETTER, _WORSE = 0.01, 0.7, 0.01
 _STEPS, _SETTLED = 60, 5  # for the middle viewer and absorption; before them, at order 1
 _STEPS_ON = 8  # for each absorption and viewer that follows
@@ -80,7 +80,7 @@ def longitudinal_mixtures(
 
     found = _followed(theta, viewers, each[:, nodes], *_WAYS[0])
     losses = lost(found, each)
-    for way in _WAYS[1:] if between else _WAYS[1 : len(_STARTS)]:  # of one number there is nothing to follow
+    for way in _WAYS[1:] if between else [_WAYS[3]]:  # of one number nothing follows
         poor = np.flatnonzero(losses.mean(axis=0) > _POOR)
         if not poor.size:
             break
