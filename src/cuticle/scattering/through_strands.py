@@ -102,7 +102,9 @@ def _columns(fibre: Fibre | Chiang, column: Callable[[StrandTransport], tuple[Ar
     seen = np.exp(log_along).transpose(2, 0, 4, 1, 3)  # (theta_r, strands, absorptions, parts, theta_i)
 
     def mixtures(energy: Array) -> Array:
-        return longitudinal_mixtures(theta, theta[::ALONG_ROWS], energy, *_NODES[len(log_along)])
+        nodes, halfway = _NODES[len(log_along)]  # the first, of direct light, is of another kind
+        each = (nodes[:1], halfway[:0]), (nodes[1:], halfway[1:])
+        return np.concatenate([longitudinal_mixtures(theta, theta[::ALONG_ROWS], energy, *x) for x in each], axis=1)
 
     found = mixtures(seen[:, :, None, :_OWN])[:, :, 0]
     if len(absorption) > _OWN:  # a range, between which the core interpolates
