@@ -24,7 +24,7 @@ class FamilyAmong(Family):
 
     Light reaches the strand directly, or through others; the strands behind it send some back, as in
     `DualScattering` with "exact". The strand keeps its own energies, tilts and widths. What other strands do to light is the
-    mean fibre's, of which tables are made once, in a second or two.
+    mean fibre's, of which tables are made once, in a few seconds.
 
     Each function takes, beside the fibre:
 
