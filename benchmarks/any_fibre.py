@@ -7,10 +7,9 @@ interleaved rounds on one thread in single precision (g++ -O3 -march=native), in
 
 `--box N` tells the ESS of N fibres a family instead; `--falcor FILE` that of every tenth fibre and viewer of the 50,000 of
 Falcor's tests. The function is then the near field, averaged over the width by 500 Gauss-Legendre nodes: no cells, no
-tables. `--strands N`: that of N fibres a family through 1 to 12 strands, and through Poisson numbers of them.
-`--chi-square N`: whether samples of N fibres
-a family, a million of each, follow their density; all together have a false-positive rate of 1e-3 (Šidák). `--gaussian
-N`: how well Marschner's family samples his Gaussian form.
+tables. `--strands N`: that of N fibres a family through 1 to 12 strands, and through Poisson numbers of them. `--chi-square
+N`: whether samples of N fibres a family, a million of each, follow their density; all together have a false-positive rate of
+1e-3 (Šidák). `--gaussian N`: how well Marschner's family samples his Gaussian form.
 """
 
 from __future__ import annotations

@@ -369,16 +369,13 @@ FACTORS = (
 )  # fmt: skip
 
 DIGITS = (
-    Slip(
-        "half-floats",
-        "digits",
-        "values are stored as half floats: below 6e-5 they lose digits",
-        "24 bits",
-        "11 bits, the least 2⁻²⁴",
-        rounded_to(11, -13),
-    ),
-    Slip("bfloat16", "digits", "values are stored in bfloat16", "24 bits", "8 bits", rounded_to(8, -125)),
-)
+    Slip("half-floats", "digits", "values are stored as half floats: below 6e-5 they lose digits",
+         "24 bits", "11 bits, the least 2⁻²⁴",
+         rounded_to(11, -13)),
+    Slip("bfloat16", "digits", "values are stored in bfloat16",
+         "24 bits", "8 bits",
+         rounded_to(8, -125)),
+)  # fmt: skip
 
 SLIPS: tuple[Slip, ...] = (
     *LONGITUDINAL, *TILT, *OPTICS, *LOBES, *AZIMUTH, *FACTORS, *DIGITS, *DENSITY, *AMONG_STRANDS, *ORDER,

@@ -32,7 +32,7 @@ class MeanStrands(NamedTuple):
 
 
 def mean_strands(fibre: Fibre | Chiang) -> MeanStrands:
-    """Return the tables of strands of a fibre, one channel an absorption; one to four seconds each, once.
+    """Return the tables of strands of a fibre, one channel an absorption; a few seconds each, once.
 
     Raises
     ------
