@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -96,8 +94,7 @@ def _columns(fibre: Fibre | Chiang, column: Callable[[StrandTransport], tuple[Ar
     """
     absorption = np.array(fibre.absorption)
     solved, theta = _solved(absorption), Directions().theta
-    with ThreadPoolExecutor(os.cpu_count()) as threads:  # they wait for linear algebra, outside the interpreter
-        columns = list(threads.map(column, _transports(fibre)))
+    columns = map(column, _transports(fibre))  # not in threads: linear algebra has its own, which they would slow
     energy, log_along, *others = (_between(solved, np.stack(x, axis=-1), absorption) for x in zip(*columns, strict=True))
     seen = np.exp(log_along).transpose(2, 0, 4, 1, 3)  # (theta_r, strands, absorptions, parts, theta_i)
 
@@ -117,7 +114,7 @@ def _columns(fibre: Fibre | Chiang, column: Callable[[StrandTransport], tuple[Ar
     return tables
 
 
-@lru_cache(maxsize=1)  # for the other arrangement of the same fibre
+@lru_cache(maxsize=1)  # for the other tables of the same fibre
 def _transports(fibre: Fibre | Chiang) -> list[StrandTransport]:
     absorption = np.array(fibre.absorption)
     return [StrandTransport(_parts(fibre, int(np.argmax(absorption == a)), Directions())) for a in _solved(absorption)]
@@ -126,9 +123,8 @@ def _transports(fibre: Fibre | Chiang) -> list[StrandTransport]:
 @lru_cache(maxsize=16)
 def _passed(fibre: Fibre | Chiang) -> Array:
     absorption = np.array(fibre.absorption)
-    solved, d = _solved(absorption), Directions()
-    passed = [StrandTransport(_parts(fibre, int(np.argmax(absorption == a)), d)).passed() for a in solved]
-    table = _between(solved, transmittance_table(np.stack(passed, axis=-1)), absorption)
+    passed = np.stack([transport.passed() for transport in _transports(fibre)], axis=-1)
+    table = _between(_solved(absorption), transmittance_table(passed), absorption)
     table.setflags(write=False)
     return table
 
