@@ -24,7 +24,8 @@ test: $(VENV)/.installed-test
 	$(SIDE_BY_SIDE) -m 'not slow and not alone'
 
 # What `make test` leaves out: the same claims over compilers, variants and seeds, long renders, and what measures time.
-test-all: $(VENV)/.installed-test $(VENV)/.installed-site $(VENV)/.installed-slang $(VENV)/.installed-webgpu $(VENV)/.installed-cuda
+test-all: $(VENV)/.installed-test $(VENV)/.installed-site $(VENV)/.installed-slang $(VENV)/.installed-webgpu $(VENV)/.installed-cuda \
+		$(VENV)/.installed-dxc
 	$(SIDE_BY_SIDE) -m 'slow and not alone'
 	$(PYTEST) -m alone
 
@@ -105,6 +106,17 @@ $(VENV)/.installed-webgpu: $(VENV)/.installed
 $(VENV)/.installed-cuda: $(VENV)/.installed
 	@$(PIP) 'nvidia-cuda-crt>=13' 'nvidia-cuda-nvcc>=13' 'nvidia-cuda-runtime>=13' 'nvidia-nvvm>=13' \
 		|| echo "no nvcc for this machine: tests that need it will be skipped"
+	@touch $@
+
+# Microsoft's compiler of HLSL: its library, out of 67 MB of sources that hold it.
+DXC := compushady-0.17.5
+$(VENV)/.installed-dxc: $(VENV)/.installed
+	@$(BIN)/python -m pip -q --disable-pip-version-check download --no-deps --no-binary compushady -d $(VENV)/dxc \
+		$(subst -,==,$(DXC)) && tar -xzOf $(VENV)/dxc/$(DXC).tar.gz \
+		$(DXC)/compushady/backends/libdxcompiler_$$(uname -m).so.3.7 > $(VENV)/dxc/library \
+		&& mv $(VENV)/dxc/library $(VENV)/lib/libdxcompiler.so \
+		|| echo "no DXC for this machine: tests that need it will be skipped"
+	@rm -rf $(VENV)/dxc
 	@touch $@
 
 $(VENV)/.installed-lint: $(VENV)/.installed

@@ -21,7 +21,7 @@ def start() -> Any:
     options.binary_location = str(paths[0])
     for argument in (
         "--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
-        "--disable-dev-shm-usage", "--hide-scrollbars",
+        "--enable-unsafe-webgpu", "--disable-dev-shm-usage", "--hide-scrollbars",
     ):  # fmt: skip
         options.add_argument(argument)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})

@@ -49,7 +49,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         call = getattr(item, "callspec", None)
         other = call is not None and call.params.get("variant", "scalar_rgb") != "scalar_rgb"
-        large = call is not None and call.params.get("to") in ("slang", "wgsl")  # what runs them is not there in `make test`
+        large = call is not None and call.params.get("to") == "slang"  # what runs it is not there in `make test`
         compiled = item.path.parent.name == "conformance" and "cuda" in item.name  # by nvcc, nor is that
         if other or large or compiled or item.name in SLOW_EXAMPLES:
             item.add_marker(pytest.mark.slow)

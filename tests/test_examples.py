@@ -15,6 +15,7 @@ import pytest
 
 import cuticle
 from conformance.cuda_compiler import nvcc
+from conformance.dxc import compile_hlsl
 from conformance.hosts import spirv_of, webgpu
 from cuticle.export import export, export_family
 from cuticle.export.headers import cmake_dir
@@ -316,13 +317,20 @@ def test_glsl(brown_sampler: cuticle.Sampler, version: str, tmp_path: Path) -> N
     assert "ERROR" not in run([validator, str(tmp_path / "shader.frag")], tmp_path)
 
 
-def test_hlsl(brown_sampler: cuticle.Sampler, tmp_path: Path) -> None:
+@pytest.mark.parametrize("compiler", ["glslang", pytest.param("dxc", marks=pytest.mark.slow)])
+def test_hlsl(brown_sampler: cuticle.Sampler, compiler: str, tmp_path: Path) -> None:
     made = exported(brown_sampler, "hlsl", True).text
     main = "\nfloat4 main() : SV_Target {\n"
     main += "  Bounce b = scatter(float3(0, 0, 1), float3(1, 0, 0), float3(.2, .3, .4), 0.0);\n"
     main += "  float4 l = toward_light(float3(0, 0, 1), b.direction, float3(1, 0, 0), 2.0);\n"
     main += "  return float4(b.throughput, b.pdf) + l; }\n"
-    spirv_of(made + block("rtx.md", "hlsl") + main, tmp_path)
+    whole = made + block("rtx.md", "hlsl") + main
+    if compiler == "glslang":
+        assert spirv_of(whole, tmp_path)
+    else:
+        compiled, said = compile_hlsl(whole, "-T", "ps_6_0", "-Vd")
+        assert compiled
+        assert not said
 
 
 @pytest.mark.slow

@@ -94,8 +94,10 @@ def test_cpp_is_formatted(document_fit: cuticle.Fit, tmp_path: Path) -> None:
 def test_numbers_read_back() -> None:
     rng = np.random.default_rng(1)
     values = np.concatenate([rng.normal(size=2000) * 10.0 ** rng.integers(-30, 30, 2000), [0, 1, -1, 1e-38, 3e38]])
-    for x in values.astype(np.float32):
+    largest = np.finfo(np.float32).max
+    for x in [*values.astype(np.float32), largest, -largest]:
         text = single(float(x))
+        assert abs(float(text[:-1])) <= largest  # WGSL refuses a number above it, though rounding would give it
         assert text.endswith("f")
         assert "." in text or "e" in text  # a literal of C++ and of GLSL, not an integer
         assert np.float32(text[:-1]) == x

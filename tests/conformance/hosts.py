@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 
 from conformance.cuda_compiler import has_gpu, nvcc, nvcc_command
+from conformance.dxc import compile_hlsl
 from cuticle.export.registry import Export
 from cuticle.sampling.sampler import Sampler
 
@@ -94,16 +95,21 @@ def cuda(
 
 
 def shaded(
-    shader: str, made: Export, x: np.ndarray, folder: Path, driver: Any, asked: str | None = None
+    shader: str, made: Export, x: np.ndarray, folder: Path, driver: Any, asked: str | None = None, *, by: str = "webgl"
 ) -> np.ndarray:  # fmt: skip
-    """Run a fragment shader in a browser, an input a pixel; `asked`: an expression of four numbers of a and u."""
+    """Run a shader in a browser; `asked`: an expression of four numbers of a and u.
+
+    `by`: "webgl", a fragment shader, an input a pixel; "webgpu", a compute shader, an input a thread.
+    """
     page = (PROGRAM / "replay.html").read_text().replace("/* SHADER */", shader)
     (folder / "replay.html").write_text(page)
     driver.get((folder / "replay.html").as_uri())
     texts = [base64.b64encode(v).decode() for v in (x.astype("<f4").tobytes(), made.data)]
     driver.set_script_timeout(120)
-    wanted = asked or asked_of(made, x, "vec4")
-    done = driver.execute_script("return replay(...arguments)", texts[0], x.shape[1], wanted, texts[1])
+    wanted = asked or asked_of(made, x, "vec4" if by == "webgl" else "vec4<f32>")
+    done = driver.execute_script(f"return {by}(...arguments)", texts[0], x.shape[1], wanted, texts[1])
+    if done.get("missing"):
+        pytest.skip(f"this browser has no {done['missing']}")
     assert done.get("error") is None, str(done)[:2000]
     out = np.frombuffer(base64.b64decode(done["values"]), "<f4").reshape(-1, 4)[: len(x)].astype(float)
     return out if asked or x.shape[1] == SAMPLER else out[:, : made.model.channels]  # type: ignore[union-attr]
@@ -149,10 +155,10 @@ float4 main(float4 place : SV_Position) : SV_Target {{
     return shaded(printed, made, x, folder, driver, asked)
 
 
-def hlsl_as_spirv(made: Export, x: np.ndarray, folder: Path) -> np.ndarray:
-    """What glslang's HLSL front end makes of a compute shader, on a WebGPU device: no other language is between.
+def hlsl_as_spirv(made: Export, x: np.ndarray, folder: Path, compiler: str) -> np.ndarray:
+    """What "glslang" or "dxc" makes of a compute shader, on a WebGPU device: no other language is between.
 
-    A sampler's table is a texture, `made.data`, for the reason that `shaded_wgsl` gives.
+    A sampler's table is a texture, `made.data`, for the reason that `shaded_by_wgpu` gives.
     """
     text = f"""
 [[vk::binding(0, 0)]] StructuredBuffer<float4> inputs;
@@ -166,19 +172,24 @@ def hlsl_as_spirv(made: Export, x: np.ndarray, folder: Path) -> np.ndarray:
 }}
 """
     device = webgpu()
-    spirv_of(text, folder, stage="comp")
-    module = device.create_shader_module(code=(folder / "main.spv").read_bytes())
+    if compiler == "dxc":
+        spirv, said = compile_hlsl(text, "-T", "cs_6_0", "-E", "main", "-spirv")
+        assert not said, said
+    else:
+        spirv = spirv_of(text, folder, stage="comp")
+    module = device.create_shader_module(code=spirv)
     return dispatched(device, {"module": module, "entry_point": "main"}, made, x, None)
 
 
-def spirv_of(text: str, folder: Path, stage: str = "frag") -> None:
-    """Compile HLSL with an entry point `main` to main.spv; skip the test where its compiler is missing."""
+def spirv_of(text: str, folder: Path, stage: str = "frag") -> bytes:
+    """Compile HLSL with an entry point `main` to main.spv by glslang; skip the test where that is missing."""
     need("glslangValidator", "glslang-tools")
     (folder / "main.hlsl").write_text(text)
     command = ["glslangValidator", "-D", "-V", "-e", "main", "-S", stage, "-o", "main.spv", "main.hlsl"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
     assert "WARNING" not in done.stdout, done.stdout
+    return (folder / "main.spv").read_bytes()
 
 
 def slang(made: Export, x: np.ndarray, folder: Path, driver: Any) -> np.ndarray:
@@ -224,8 +235,17 @@ RWStructuredBuffer<float> answers;
 
 
 def wgsl(made: Export, x: np.ndarray, folder: Path, driver: Any) -> np.ndarray:
-    """On a WebGPU device: a software Vulkan will do."""
-    return shaded_wgsl(made.text, made, x)
+    """In a browser."""
+    return shaded_wgsl(made.text, made, x, folder, driver)
+
+
+def shaded_wgsl(
+    shader: str, made: Export, x: np.ndarray, folder: Path, driver: Any, asked: str | None = None
+) -> np.ndarray:  # fmt: skip
+    """By a browser's WebGPU, whose compiler is Tint where that is Chromium; without a browser by wgpu's, naga."""
+    if driver is None:
+        return shaded_by_wgpu(shader, made, x, asked)
+    return shaded(shader, made, x, folder, driver, asked, by="webgpu")
 
 
 def webgpu() -> Any:
@@ -237,11 +257,11 @@ def webgpu() -> Any:
     return adapters[0].request_device_sync()
 
 
-def shaded_wgsl(shader: str, made: Export, x: np.ndarray, asked: str | None = None) -> np.ndarray:
+def shaded_by_wgpu(shader: str, made: Export, x: np.ndarray, asked: str | None = None) -> np.ndarray:
     """Run a compute shader, an input a thread; the scattering function's texels are a texture.
 
-    The numbers of constant tables are read from the text and go into buffers: software Vulkan copies a constant array
-    whenever it is read, and takes minutes.
+    A software Vulkan will do. It copies a constant array whenever it is read, and takes minutes: numbers of tables are read
+    from the text and go into buffers.
     """
     device = webgpu()
     tables: list[np.ndarray] = []

@@ -12,6 +12,7 @@ import pytest
 
 import cuticle
 from conformance import hosts
+from conformance.dxc import compile_hlsl
 from cuticle.export import export_family
 from cuticle.export.literals import singles
 from cuticle.export.registry import Export
@@ -195,13 +196,12 @@ def shaded(form: str, to: str, folder: Path, browser: Any, made: Export | None =
         f"fibre_prepared_eval({field}, a.x, a.z{given})", f"drawn(fibre_prepared_sample({field}, u.xyz{given}))"
     ]  # fmt: skip
     made = Export(text, 0, made.data)
-    if to in ("slang", "wgsl"):
-        run = hosts.shaded_slang if to == "slang" else hosts.shaded_wgsl
-        got = [run(text, made, x, answer) for answer in answers]
+    if to == "slang":
+        got = [hosts.shaded_slang(text, made, x, answer) for answer in answers]
     elif to == "metal":
         got = [hosts.shaded_metal(text, made, x, folder, answer) for answer in answers]
     else:
-        run_in = hosts.shaded if to == "glsl" else hosts.shaded_hlsl
+        run_in = {"glsl": hosts.shaded, "hlsl": hosts.shaded_hlsl, "wgsl": hosts.shaded_wgsl}[to]
         got = [run_in(text, made, x, folder, browser, asked=answer) for answer in answers]
     return np.concatenate([got[0], got[1][:, :3]], axis=1)
 
@@ -244,6 +244,12 @@ def test_a_family_in_a_shader(form: str, to: str, browser: Any, tmp_path: Path) 
     compare(form, right_one(form, to, tmp_path, browser), **SINGLE)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("form", FORMS)
+def test_a_family_in_wgsl_by_another_compiler(form: str, tmp_path: Path) -> None:
+    compare(form, shaded(form, "wgsl", tmp_path, None), **SINGLE)
+
+
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("version", ["300 es", "330", "460"])
 def test_a_familys_glsl_validates(form: str, version: str, tmp_path: Path) -> None:
@@ -254,6 +260,17 @@ def test_a_familys_glsl_validates(form: str, version: str, tmp_path: Path) -> No
     (tmp_path / "shader.frag").write_text(head + exported(form, "glsl").text + main)
     done = subprocess.run(["glslangValidator", str(tmp_path / "shader.frag")], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("model", [("-T", "lib_6_3"), ("-T", "lib_6_6", "-HV", "2021")])
+def test_dxc_takes_a_familys_hlsl(form: str, model: tuple[str, ...]) -> None:
+    """Without a warning: every function of it, as a library for ray tracing."""
+    unsigned = "-Vd"  # what signs it is not here
+    compiled, said = compile_hlsl(exported(form, "hlsl").text, *model, "-default-linkage", "external", unsigned)
+    assert not said
+    assert compiled
 
 
 @pytest.mark.parametrize("form", FORMS)

@@ -121,7 +121,7 @@ def in_double(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], np.nd
 
 @pytest.mark.parametrize("kind", ["dual, exact", pytest.param("dual, zinke2008", marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
-    "to", [pytest.param(to, marks=pytest.mark.slow if to in ("hlsl", "metal") else ()) for to in CARRIERS]
+    "to", [pytest.param(to, marks=pytest.mark.slow if to in ("hlsl", "metal", "wgsl") else ()) for to in CARRIERS]
 )
 def test_f_among_strands_that_are_random_or_have_an_end(
     kind: str, to: str, in_double: Callable[[str], np.ndarray], browser: Any, tmp_path: Path
@@ -137,9 +137,23 @@ def test_f_among_strands_that_are_random_or_have_an_end(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
-def test_f_in_hlsl_without_another_language_between(kind: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("around", [False, True])
+def test_f_in_wgsl_by_another_compiler(kind: str, around: bool, tmp_path: Path) -> None:
+    if around and not kind.startswith("dual"):
+        pytest.skip("only dual scattering has strands around it")
+    x = cases(around)
+    got, wanted = hosts.wgsl(written(kind, "wgsl"), x, tmp_path, None), expected(kind, x)
+    known = np.isfinite(wanted)
+    np.testing.assert_allclose(got[known], wanted[known], **SINGLE)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("compiler", ["glslang", "dxc"])
+def test_f_in_hlsl_without_another_language_between(kind: str, compiler: str, tmp_path: Path) -> None:
     x = cases(False)
-    np.testing.assert_allclose(hosts.hlsl_as_spirv(written(kind, "hlsl"), x, tmp_path), expected(kind, x), **SINGLE)
+    got = hosts.hlsl_as_spirv(written(kind, "hlsl"), x, tmp_path, compiler)
+    np.testing.assert_allclose(got, expected(kind, x), **SINGLE)
 
 
 @pytest.mark.slow

@@ -138,13 +138,16 @@ def test_compilers_and_their_flags(sampler: Any, x: Any, judge: Any, compiler: s
 
 
 @pytest.mark.slow
-def test_hlsl_without_another_language_between(sampler: Any, x: Any, judge: Any, tmp_path: Path) -> None:
+@pytest.mark.parametrize("compiler", ["glslang", "dxc"])
+def test_hlsl_without_another_language_between(
+    sampler: Any, x: Any, judge: Any, compiler: str, tmp_path: Path
+) -> None:  # fmt: skip
     name, own = sampler
     table = lobe_texels(own).reshape(-1, 4)
     rows = np.zeros((-(-len(table) // TEXTURE_WIDTH) * TEXTURE_WIDTH, 4), np.float32)
     rows[: len(table)] = table
-    got = hosts.hlsl_as_spirv(replace(written(own, "hlsl"), data=rows.tobytes()), x, tmp_path)
-    judge(f"{name}: HLSL, glslang, Vulkan", own, got, reassociates=True)
+    got = hosts.hlsl_as_spirv(replace(written(own, "hlsl"), data=rows.tobytes()), x, tmp_path, compiler)
+    judge(f"{name}: HLSL, {compiler}, Vulkan", own, got, reassociates=True)
 
 
 @pytest.mark.slow
@@ -187,8 +190,14 @@ def test_glsl_validates(sampler: Any, version: str, tmp_path: Path) -> None:
     assert "WARNING" not in done.stdout
 
 
+@pytest.mark.slow
+def test_wgsl_by_another_compiler(sampler: Any, x: Any, judge: Any, tmp_path: Path) -> None:
+    name, own = sampler
+    judge(f"{name}: WGSL, naga", own, hosts.wgsl(written(own, "wgsl"), x, tmp_path, None), reassociates=True)
+
+
 def test_wgsl_validates(sampler: Any, tmp_path: Path) -> None:
-    """As it is written, which replaying it changes: there its tables are in buffers."""
+    """By naga, as it is written, which replaying it there changes: its tables are then in buffers."""
     hosts.need("naga", "cargo install naga-cli")
     (tmp_path / "fibre.wgsl").write_text(written(sampler[1], "wgsl").text)
     done = subprocess.run(["naga", "fibre.wgsl"], cwd=tmp_path, capture_output=True, text=True, check=False)

@@ -9,8 +9,10 @@ from numpy.typing import ArrayLike
 
 
 def single(value: float, suffix: str = "f") -> str:
-    """Return the shortest literal that reads back as the same single-precision number."""
+    """Return the shortest literal that reads back as the same single-precision number, and is not above the largest one."""
     x = np.float32(value)
+    if abs(x) == np.finfo(np.float32).max:  # rounded up as 3.4028235e38, which WGSL refuses
+        return f"{'-' * bool(x < 0)}3.4028234e38{suffix}"
     if x == 0:
         return f"0.{suffix or '0'}"
     plain = np.format_float_positional(x, unique=True, trim="0")

@@ -112,6 +112,10 @@ class Printer:
         """A variable's name, another one where the language has that for itself."""
         return name + "_" if name in self.words else name
 
+    def local(self, name: str) -> str:
+        """The same where it is read, written to or counted."""
+        return self.variable(name)
+
     def function(self, name: str) -> str:
         """A function's name."""
         return f"{self.prefix}_{name}"
@@ -207,10 +211,7 @@ class Printer:
             elif isinstance(line, Give):
                 out += [tab + x for x in self.given(line.value)]
             elif isinstance(line, Count):
-                name = self.variable(line.name)
-                start = f"{self.begun(Let(line.name, INT, line.start))} = {self.node(line.start)}"
-                head = f"for ({start}; {name} < {self.node(line.end)}; {self.next.format(name)}) {{"
-                out += [tab + head, *self.lines(line.body, result, depth + 1), tab + "}"]
+                out += self.count(line, result, depth)
             elif isinstance(line, Block):
                 out += [tab + "{", *self.lines(line.body, result, depth + 1), tab + "}"]
             else:
@@ -220,6 +221,13 @@ class Printer:
     def begun(self, line: Let) -> str:
         """What declares a variable."""
         return self.declared(line.type, line.name)
+
+    def count(self, line: Count, result: Type, depth: int) -> list[str]:
+        """A loop."""
+        tab, start, name = "    " * depth, self.node(line.start), self.local(line.name)
+        begun = f"{self.begun(Let(name, INT, line.start))} = {start}"
+        head = f"{tab}for ({begun}; {name} < {self.node(line.end)}; {self.next.format(name)}) {{"
+        return [head, *self.lines(line.body, result, depth + 1), tab + "}"]
 
     def when(self, line: When, result: Type, depth: int) -> list[str]:
         """if, and else where there is one."""
@@ -260,7 +268,7 @@ class Printer:
         if isinstance(x, Literal):
             return self.literal(x)
         if isinstance(x, Local):
-            return self.variable(x.name), _WHOLE
+            return self.local(x.name), _WHOLE
         if isinstance(x, Field):
             name = x.name if isinstance(x.of.type, Vector) else self.variable(x.name)
             return f"{self.node(x.of, _WHOLE)}.{name}", _WHOLE

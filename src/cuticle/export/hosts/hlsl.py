@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from cuticle.export.formulas import Printer
-from cuticle.export.formulas.tree import Instance, Node, Record, Vector
+from cuticle.export.formulas.tree import Count, Instance, Node, Record, Type, Vector
 from cuticle.export.reserved_words import HLSL
 from cuticle.export.shader import Dialect
 from cuticle.export.shader_family import shader_host
@@ -28,11 +28,32 @@ class Hlsl(Printer):
     def __init__(self, prefix: str) -> None:
         super().__init__(prefix)
         self.choices: set[int] = set()
+        self.counters: dict[str, int] = {}  # of a function so far: loops with a counter of this name
+        self.inside: dict[str, int] = {}  # of these, which is printed
 
     def text(self, items: Iterable[Record | Instance]) -> str:
         """The same, after its choices between vectors: no one operator does that in HLSL 2021 and before."""
         text = super().text(items)
         return "".join(map(self.choice, sorted(self.choices))) + text
+
+    def instance(self, f: Instance) -> str:
+        """A function, a name of its own for each counter: before HLSL 2021, one lives on after its loop."""
+        self.counters, self.inside = {}, {}
+        return super().instance(f)
+
+    def count(self, line: Count, result: Type, depth: int) -> list[str]:
+        """A loop, and the counters' names in it."""
+        around = self.inside
+        self.counters[line.name] = self.counters.get(line.name, 0) + 1
+        self.inside = around | {line.name: self.counters[line.name]}
+        printed = super().count(line, result, depth)
+        self.inside = around
+        return printed
+
+    def local(self, name: str) -> str:
+        """A variable, or a counter: i, i_2, i_3."""
+        number = self.inside.get(name, 1)
+        return self.variable(name) if number == 1 else f"{name}_{number}"
 
     def choice(self, size: int) -> str:
         """A function that chooses component by component."""
