@@ -102,9 +102,10 @@ $(VENV)/.installed-webgpu: $(VENV)/.installed
 			mesa-vulkan-drivers; } >/dev/null 2>&1 || echo "no Vulkan in software: tests of WGSL may be skipped"; fi
 	@touch $@
 
-# CUDA's compiler, which needs no GPU: 320 MB. NVIDIA has it for Linux and Windows.
+# CUDA's compilers, which need no GPU: 390 MB. NVIDIA has them for Linux and Windows.
 $(VENV)/.installed-cuda: $(VENV)/.installed
-	@$(PIP) 'nvidia-cuda-crt>=13' 'nvidia-cuda-nvcc>=13' 'nvidia-cuda-runtime>=13' 'nvidia-nvvm>=13' \
+	@$(PIP) 'nvidia-cuda-cccl>=13' 'nvidia-cuda-crt>=13' 'nvidia-cuda-nvcc>=13' 'nvidia-cuda-nvrtc>=13' \
+		'nvidia-cuda-runtime>=13' 'nvidia-nvvm>=13' \
 		|| echo "no nvcc for this machine: tests that need it will be skipped"
 	@touch $@
 

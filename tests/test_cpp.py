@@ -147,7 +147,7 @@ def test_headers_are_short_and_depend_on_the_standard_library_only() -> None:
         assert len(lines) <= 300, header.name
         for line in lines:
             if line.startswith("#include <"):
-                assert line[10:-1] in STANDARD, line
+                assert line[10:-1].removeprefix("cuda/std/") in STANDARD, line  # for NVRTC, CUDA's own
 
 
 def test_folders_include_what_stands_before_them_only() -> None:

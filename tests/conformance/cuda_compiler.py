@@ -1,11 +1,14 @@
-"""CUDA's compiler, where there is one."""
+"""CUDA's compilers, where they are: nvcc, and NVRTC, which renderers compile with at run time."""
 
 from __future__ import annotations
 
+import ctypes
 import os
 import shutil
 import sys
 from pathlib import Path
+
+import pytest
 
 
 def nvcc() -> str | None:
@@ -25,3 +28,28 @@ def nvcc_command(compiler: str) -> list[str]:
     command = [compiler, "-x", "cu", "-std=c++17", "-O3", "-Xcompiler", "-Wall,-Wextra", "--Werror", "all-warnings"]
     libraries = [f"-L{folder}" for folder in sorted(Path(compiler).parents[1].glob("lib*"))]
     return command + libraries + (["-arch=native"] if has_gpu() else [])
+
+
+def compile_at_run_time(text: str) -> tuple[bytes, str]:
+    """Return the PTX that NVRTC makes, empty where it refuses, and all that it says. Skip the test where it is missing."""
+    folders = sorted(Path(sys.prefix).glob("lib/python*/site-packages/nvidia/cu*"))
+    path = next((p for folder in folders for p in sorted(folder.glob("lib/libnvrtc.so.*"))), None)
+    if path is None:
+        pytest.skip("no NVRTC: pip install nvidia-cuda-nvrtc nvidia-cuda-cccl nvidia-cuda-runtime")
+    include = path.parents[1] / "include"
+    options = ["--std=c++17", "-arch=compute_80", "-default-device", f"-I{include}", f"-I{include / 'cccl'}"]
+    library, program = ctypes.CDLL(str(path)), ctypes.c_void_p()
+    assert library.nvrtcCreateProgram(ctypes.byref(program), text.encode(), b"kernel.cu", 0, None, None) == 0
+    words = (ctypes.c_char_p * len(options))(*(o.encode() for o in options))
+    refused = library.nvrtcCompileProgram(program, len(options), words)
+
+    def told(what: str) -> bytes:
+        size = ctypes.c_size_t()
+        assert library[f"nvrtcGet{what}Size"](program, ctypes.byref(size)) == 0
+        held = ctypes.create_string_buffer(size.value)
+        assert library[f"nvrtcGet{what}"](program, held) == 0
+        return held.value
+
+    made, said = b"" if refused else told("PTX"), told("ProgramLog").decode()
+    library.nvrtcDestroyProgram(ctypes.byref(program))
+    return made, said

@@ -12,6 +12,7 @@ import pytest
 
 import cuticle
 from conformance import hosts
+from conformance.cuda_compiler import compile_at_run_time
 from conformance.dxc import compile_hlsl
 from cuticle.export import export_family
 from cuticle.export.literals import singles
@@ -260,6 +261,26 @@ def test_a_familys_glsl_validates(form: str, version: str, tmp_path: Path) -> No
     (tmp_path / "shader.frag").write_text(head + exported(form, "glsl").text + main)
     done = subprocess.run(["glslangValidator", str(tmp_path / "shader.frag")], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("form", FORMS)
+def test_nvrtc_takes_a_familys_cuda(form: str) -> None:
+    """Without a host's standard library, and without a warning; all of it in one kernel."""
+    prepare, more = ("prepare_direction_among", ", x[7]") if form in AMONG else ("prepare_direction", "")
+    kernel = f"""
+struct V {{ float x, y, z; }};
+extern "C" __global__ void kernel(float *x) {{
+    float f[3];
+    const V viewer{{x[0], x[1], x[2]}};
+    const auto s = fibre::{prepare}(viewer, fibre::Fibre<float>{{}}{more});
+    const V light = fibre::sample_direction(s, viewer, x[3], x[4], x[5], f, x + 6);
+    x[8] = fibre::eval_pdf_direction(s, viewer, light, f);
+}}
+"""
+    compiled, said = compile_at_run_time(exported(form, "cuda").text + kernel)
+    assert not said
+    assert b".entry kernel" in compiled
 
 
 @pytest.mark.slow

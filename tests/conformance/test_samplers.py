@@ -15,6 +15,7 @@ import pytest
 
 import cuticle
 from conformance import hosts, replay
+from conformance.cuda_compiler import compile_at_run_time
 from conformance.hosts import HOSTS
 from cuticle.export import formulas, headers, registry
 from cuticle.export.registry import Export, Job
@@ -165,6 +166,22 @@ def test_cuda(sampler: Any, x: Any, judge: Any, flags: tuple[str, ...], tmp_path
         double = replay.compare("double", own, x[inner], got[inner])
         assert double.pdf <= 5e-6
         assert double.angle <= 1e-6
+
+
+@pytest.mark.slow
+def test_nvrtc_takes_a_samplers_cuda(sampler: Any) -> None:
+    """Without a host's standard library, and without a warning."""
+    kernel = """
+struct V { float x, y, z; };
+extern "C" __global__ void kernel(float *x) {
+    const V viewer{x[0], x[1], x[2]};
+    const V light = fibre::sample_direction(viewer, x[3], x[4], x[5], x + 6, x[7]);
+    x[8] = fibre::pdf_direction(viewer, light, x[7]);
+}
+"""
+    compiled, said = compile_at_run_time(written(sampler[1], "cuda").text + kernel)
+    assert not said
+    assert b".entry kernel" in compiled
 
 
 @pytest.mark.parametrize(

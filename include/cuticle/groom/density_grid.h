@@ -12,7 +12,7 @@
 namespace cuticle {
 
 // The upper triangle of M: xx, yy, zz, xy, xz, yz.
-constexpr int density_columns = 6;
+inline constexpr int density_columns = 6;
 
 // A view that owns nothing: cells[z][y][x][density_columns] over the box from `lower`, each `cell` wide. Memory is a
 // pointer, or whatever ArrayTraits::gather takes.

@@ -32,6 +32,8 @@ template <class Float> struct Direction {
     Float x, y, z;
 };
 
+template <class Float> CUTICLE_HD Direction<Float> direction_of(Float x, Float y, Float z) { return {x, y, z}; }
+
 template <class Float> CUTICLE_HD Direction<Float> to_direction(const Float &theta, const Float &phi) {
     const Float c = math::cos_theta(theta);
     return {math::sin(theta), c * math::cos(phi), c * math::sin(phi)};

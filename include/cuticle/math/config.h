@@ -1,6 +1,28 @@
-// Cuticle core: annotations that every header shares. No dependency, no allocation, no exceptions.
+// Cuticle core: annotations and the standard library, which every header shares. No other dependency, no allocation, no
+// exceptions.
 #ifndef CUTICLE_MATH_CONFIG_H
 #define CUTICLE_MATH_CONFIG_H
+
+#ifdef __CUDACC_RTC__  // NVRTC does not read the host's library; CUDA's is in the toolkit's include/cccl
+#include <cuda/std/cmath>
+#include <cuda/std/cstddef>
+#include <cuda/std/cstdint>
+#include <cuda/std/cstring>
+#include <cuda/std/limits>
+#include <cuda/std/type_traits>
+#include <cuda/std/utility>
+namespace cuticle {
+namespace std = ::cuda::std;
+}
+#else
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <type_traits>
+#include <utility>
+#endif
 
 #if __cplusplus < 201703L && !(defined(_MSVC_LANG) && _MSVC_LANG >= 201703L)
 #error "Cuticle needs C++17: -std=c++17, or /std:c++17"

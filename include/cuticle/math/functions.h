@@ -6,12 +6,6 @@
 #ifndef CUTICLE_MATH_FUNCTIONS_H
 #define CUTICLE_MATH_FUNCTIONS_H
 
-#include <cmath>
-#include <cstdint>
-#include <cstring>
-#include <limits>
-#include <type_traits>
-
 #include "cuticle/math/config.h"
 
 namespace cuticle {

@@ -14,7 +14,7 @@
 
 namespace cuticle {
 
-constexpr int lobe_count = 3;  // R, TT, TRT
+inline constexpr int lobe_count = 3;  // R, TT, TRT
 
 enum class Azimuthal { normal, logistic };  // D
 

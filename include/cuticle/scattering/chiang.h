@@ -16,7 +16,7 @@
 
 namespace cuticle {
 
-constexpr int chiang_lobes = lobe_count + 1;  // the last holds every order past TRT
+inline constexpr int chiang_lobes = lobe_count + 1;  // the last holds every order past TRT
 
 template <class Float> struct ChiangFibre {
     Float eta, scale;                                  // scale of the azimuthal logistic distribution, radians

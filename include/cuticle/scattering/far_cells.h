@@ -10,13 +10,13 @@
 namespace cuticle {
 
 // Cells of R, TT and TRT, one after the other; a lobe's edges are one more than its cells. TRT takes every third edge of TT.
-constexpr int r_cells = 24;
-constexpr int tt_cells = r_cells;  // CellGeometry serves both
-constexpr int tt_in_trt = 3;
-constexpr int first_tt = r_cells;
-constexpr int first_trt = r_cells + tt_cells;
-constexpr int far_cells = first_trt + tt_cells / tt_in_trt;
-constexpr int far_edges = 64;  // of them far_cells + lobe_count are used
+inline constexpr int r_cells = 24;
+inline constexpr int tt_cells = r_cells;  // CellGeometry serves both
+inline constexpr int tt_in_trt = 3;
+inline constexpr int first_tt = r_cells;
+inline constexpr int first_trt = r_cells + tt_cells;
+inline constexpr int far_cells = first_trt + tt_cells / tt_in_trt;
+inline constexpr int far_edges = 64;  // of them far_cells + lobe_count are used
 CUTICLE_HD constexpr int first_cell(int p) { return p == 0 ? 0 : p == 1 ? first_tt : p == 2 ? first_trt : far_cells; }
 
 // Distances times unit_rate are those of a D of unit width; lower_tail is the probability that such a one leaves for less

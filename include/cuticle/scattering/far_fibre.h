@@ -7,7 +7,7 @@
 
 namespace cuticle {
 
-constexpr int far_lobes = chiang_lobes;  // the last is Chiang's rest
+inline constexpr int far_lobes = chiang_lobes;  // the last is Chiang's rest
 
 // Parameters as they enter f. `width` is D's: a normal's deviation or a logistic's scale, radians.
 template <class Float> struct FarFibre {

@@ -18,7 +18,7 @@ template <class Float> struct Averages {
     Float back_energy;       // A_b: what comes back from the strands behind, out of 1
     Float back_shift, back_deviation;  // Δ_b, σ_b
 };
-constexpr int average_columns = 9;
+inline constexpr int average_columns = 9;
 
 // Value, first and second derivative along one parameter.
 template <class Float> struct Jet {

@@ -8,7 +8,7 @@
 
 namespace cuticle {
 
-constexpr int draw_columns = 1 + along_columns;  // the energy, then those of ThroughTable::along
+inline constexpr int draw_columns = 1 + along_columns;  // the energy, then those of ThroughTable::along
 
 template <class Scalar, class Memory = const Scalar *> struct ThroughDraw {
     Memory lobes;    // [row][part][column], theta_r from -limit to limit; the energies are out of the strand's own parts'

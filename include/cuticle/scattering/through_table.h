@@ -12,11 +12,12 @@
 
 namespace cuticle {
 
-constexpr int through_parts = lobe_count + 1;
-constexpr int strand_nodes = 6;                    // 0, 1, 2, 4, 8 and 16 strands
-constexpr int energy_columns = 2;                  // ln of the energy, its bend (through_energy)
-constexpr int part_lobes = 3;                      // M's of a part
-constexpr int along_columns = 3 * part_lobes - 1;  // shares of all M's but the last, then each one's axis and variance
+inline constexpr int through_parts = lobe_count + 1;
+inline constexpr int strand_nodes = 6;    // 0, 1, 2, 4, 8 and 16 strands
+inline constexpr int energy_columns = 2;  // ln of the energy, its bend (through_energy)
+inline constexpr int part_lobes = 3;      // M's of a part
+inline constexpr int along_columns =
+    3 * part_lobes - 1;  // shares of all M's but the last, then each one's axis and variance
 
 // Nodes stand twice: for strands that are counted, in sheets, then for a Poisson number of them (`random`). Light that met
 // counted strands met one at least; at their node of 0 the last part is what the strands behind send back of direct light.

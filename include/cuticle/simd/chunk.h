@@ -2,8 +2,6 @@
 #ifndef CUTICLE_SIMD_CHUNK_H
 #define CUTICLE_SIMD_CHUNK_H
 
-#include <utility>
-
 #include "cuticle/math/functions.h"
 
 #if defined(__GNUC__) && !defined(__CUDACC__) && !defined(__HIPCC__)

@@ -3,8 +3,6 @@
 #ifndef CUTICLE_SIMD_LANES_H
 #define CUTICLE_SIMD_LANES_H
 
-#include <cstddef>
-
 #include "cuticle/simd/pack_math.h"
 
 namespace cuticle {

@@ -11,7 +11,6 @@ from cuticle._support.files import read_text
 from cuticle._support.version import __version__
 
 _OWN = re.compile(r'^#include "cuticle/([a-z_/]+\.h)".*\n', re.MULTILINE)
-_STANDARD = re.compile(r"^#include (<[a-z]+>)\n", re.MULTILINE)
 
 
 def include_dir() -> Path:
@@ -36,7 +35,6 @@ def amalgamate(roots: Iterable[str] = ("cuticle.h",)) -> str:
         Names in include/cuticle, such as "math/erf.h".
     """
     bodies: dict[str, str] = {}
-    standard: set[str] = set()
 
     def visit(name: str) -> None:
         if name in bodies:
@@ -44,11 +42,9 @@ def amalgamate(roots: Iterable[str] = ("cuticle.h",)) -> str:
         text = read_text(include_dir() / "cuticle" / name, "header")
         for needed in _OWN.findall(text):
             visit(needed)
-        standard.update(_STANDARD.findall(text))
-        bodies[name] = re.sub(r"\n{3,}", "\n\n", _STANDARD.sub("", _OWN.sub("", text))).strip()
+        bodies[name] = re.sub(r"\n{3,}", "\n\n", _OWN.sub("", text)).strip()
 
     for root in roots:
         visit(root)
     notice = f"// Cuticle {__version__}, the core: importance samplers for hair fibres. BSD-3-Clause, the Cuticle authors.\n"
-    includes = "\n".join(f"#include {name}" for name in sorted(standard))
-    return notice + includes + "\n\n" + "\n\n".join(filter(None, bodies.values())) + "\n"
+    return notice + "\n" + "\n\n".join(filter(None, bodies.values())) + "\n"
