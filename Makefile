@@ -25,7 +25,7 @@ test: $(VENV)/.installed-test
 
 # What `make test` leaves out: the same claims over compilers, variants and seeds, long renders, and what measures time.
 test-all: $(VENV)/.installed-test $(VENV)/.installed-site $(VENV)/.installed-slang $(VENV)/.installed-webgpu $(VENV)/.installed-cuda \
-		$(VENV)/.installed-dxc
+		$(VENV)/.installed-dxc $(VENV)/.installed-hip
 	$(SIDE_BY_SIDE) -m 'slow and not alone'
 	$(PYTEST) -m alone
 
@@ -107,6 +107,13 @@ $(VENV)/.installed-cuda: $(VENV)/.installed
 	@$(PIP) 'nvidia-cuda-cccl>=13' 'nvidia-cuda-crt>=13' 'nvidia-cuda-nvcc>=13' 'nvidia-cuda-nvrtc>=13' \
 		'nvidia-cuda-runtime>=13' 'nvidia-nvvm>=13' \
 		|| echo "no nvcc for this machine: tests that need it will be skipped"
+	@touch $@
+
+# AMD's, 100 MB: where Debian has it.
+$(VENV)/.installed-hip: $(VENV)/.installed
+	@if command -v hipcc >/dev/null; then :; elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+		{ apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends \
+			hipcc libamdhip64-dev rocm-device-libs; } >/dev/null 2>&1 || echo "no hipcc: tests that need it will be skipped"; fi
 	@touch $@
 
 # Microsoft's compiler of HLSL: its library, out of 67 MB of sources that hold it.

@@ -1,10 +1,11 @@
-"""CUDA's compilers, where they are: nvcc, and NVRTC, which renderers compile with at run time."""
+"""Compilers of CUDA, where they are: nvcc, NVRTC, which renderers compile with at run time, and AMD's hipcc."""
 
 from __future__ import annotations
 
 import ctypes
 import os
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -30,8 +31,18 @@ def nvcc_command(compiler: str) -> list[str]:
     return command + libraries + (["-arch=native"] if has_gpu() else [])
 
 
-def compile_at_run_time(text: str) -> tuple[bytes, str]:
-    """Return the PTX that NVRTC makes, empty where it refuses, and all that it says. Skip the test where it is missing."""
+def by_hipcc(text: str, folder: Path) -> tuple[bytes, str]:
+    """Return what hipcc makes for the host and a GPU, empty where it refuses, and what it says. Skip the test without it."""
+    if shutil.which("hipcc") is None:
+        pytest.skip("hipcc is not installed (Debian: apt-get install hipcc libamdhip64-dev rocm-device-libs)")
+    (folder / "kernel.cpp").write_text(f"#include <hip/hip_runtime.h>\n{text}")
+    command = ["hipcc", "-std=c++17", "-O2", "-Wall", "-Wextra", "--offload-arch=gfx1030", "-c", "kernel.cpp"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    return (folder / "kernel.o").read_bytes() if done.returncode == 0 else b"", done.stderr
+
+
+def by_nvrtc(text: str, folder: Path) -> tuple[bytes, str]:
+    """Return the PTX that NVRTC makes, empty where it refuses, and all that it says. Skip the test without it."""
     folders = sorted(Path(sys.prefix).glob("lib/python*/site-packages/nvidia/cu*"))
     path = next((p for folder in folders for p in sorted(folder.glob("lib/libnvrtc.so.*"))), None)
     if path is None:
