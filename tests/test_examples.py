@@ -16,7 +16,7 @@ import pytest
 import cuticle
 from conformance.cuda_compiler import nvcc
 from conformance.dxc import compile_hlsl
-from conformance.hosts import spirv_of, webgpu
+from conformance.hosts import need, spirv_of, webgpu
 from cuticle.export import export, export_family
 from cuticle.export.headers import cmake_dir
 from cuticle.export.registry import Export
@@ -306,15 +306,28 @@ def test_cycles(brown_sampler: cuticle.Sampler, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("version", ["300 es", "460"])
 def test_glsl(brown_sampler: cuticle.Sampler, version: str, tmp_path: Path) -> None:
-    validator = shutil.which("glslangValidator")
-    if validator is None:
-        pytest.skip("glslangValidator is not installed (Debian: apt-get install glslang-tools)")
+    need("glslangValidator", "glslang-tools")
     head = f"#version {version}\nprecision highp float;\nlayout(location = 0) out vec4 color;\n"
     made = exported(brown_sampler, "glsl", True).text
     body = "\nvoid main() { Bounce b = scatter(vec3(0, 0, 1), vec3(1, 0, 0), vec3(.2, .3, .4), 0.);\n"
     body += "  color = vec4(b.throughput, b.pdf) + toward_light(vec3(0, 0, 1), b.direction, vec3(1, 0, 0), 2.); }\n"
     (tmp_path / "shader.frag").write_text(head + made + block("rtx.md", "glsl") + body)
-    assert "ERROR" not in run([validator, str(tmp_path / "shader.frag")], tmp_path)
+    assert "ERROR" not in run(["glslangValidator", "shader.frag"], tmp_path)
+
+
+@pytest.mark.parametrize("place", ["", "set = 3, binding = 5"])
+def test_glsl_in_a_closest_hit_shader(brown_sampler: cuticle.Sampler, place: str, tmp_path: Path) -> None:
+    """Of Vulkan, which gives a texture a number."""
+    need("glslangValidator", "glslang-tools")
+    head = "#version 460\n#extension GL_EXT_ray_tracing : require\nlayout(location = 0) rayPayloadInEXT vec4 color;\n"
+    head += f"#define BROWN_BINDING {place}\n" if place else ""
+    body = "\nvoid main() { Bounce b = scatter(gl_WorldRayDirectionEXT, vec3(1, 0, 0), color.xyz, 0.);\n"
+    body += "  color = vec4(b.throughput, b.pdf); }\n"
+    (tmp_path / "hit.rchit").write_text(head + exported(brown_sampler, "glsl", True).text + block("rtx.md", "glsl") + body)
+    run(["glslangValidator", "--target-env", "vulkan1.2", "hit.rchit", "-o", "hit.spv"], tmp_path)
+    listed = run(["glslangValidator", "--target-env", "vulkan1.2", "-H", "hit.rchit"], tmp_path)
+    numbers = dict(re.findall(r"Decorate \d+\(brown_model\) (DescriptorSet|Binding) (\d+)", listed))
+    assert numbers == ({"DescriptorSet": "3", "Binding": "5"} if place else {"DescriptorSet": "0", "Binding": "0"})
 
 
 @pytest.mark.parametrize("compiler", ["glslang", pytest.param("dxc", marks=pytest.mark.slow)])

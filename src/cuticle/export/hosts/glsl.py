@@ -50,7 +50,13 @@ DIALECT = Dialect(
     printer=Glsl,
     name="GLSL",
     about="For GLSL ES 3.00 and GLSL 3.30 to 4.60: write `#version` and `precision highp float;` before it.",
-    texture="uniform highp sampler2D {name}_model;",
+    texture="""#ifdef VULKAN  // which wants a number; define {upper}_BINDING before this file for another
+#ifndef {upper}_BINDING
+#define {upper}_BINDING set = 0, binding = 0
+#endif
+layout({upper}_BINDING)
+#endif
+uniform highp sampler2D {name}_model;""",
     fetch="texelFetch({name}_model, ivec2((i) % {width}, (i) / {width}), 0)",
 )
 HOST = shader_host(
