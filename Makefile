@@ -25,7 +25,7 @@ test: $(VENV)/.installed-test
 
 # What `make test` leaves out: the same claims over compilers, variants and seeds, long renders, and what measures time.
 test-all: $(VENV)/.installed-test $(VENV)/.installed-site $(VENV)/.installed-slang $(VENV)/.installed-webgpu $(VENV)/.installed-cuda \
-		$(VENV)/.installed-dxc $(VENV)/.installed-hip
+		$(VENV)/.installed-dxc $(VENV)/.installed-hip $(VENV)/.installed-arm
 	$(SIDE_BY_SIDE) -m 'slow and not alone'
 	$(PYTEST) -m alone
 
@@ -114,6 +114,14 @@ $(VENV)/.installed-hip: $(VENV)/.installed
 	@if command -v hipcc >/dev/null; then :; elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
 		{ apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends \
 			hipcc libamdhip64-dev rocm-device-libs; } >/dev/null 2>&1 || echo "no hipcc: tests that need it will be skipped"; fi
+	@touch $@
+
+# For ARM, and what runs it here.
+$(VENV)/.installed-arm: $(VENV)/.installed
+	@if command -v aarch64-linux-gnu-g++ >/dev/null && command -v qemu-aarch64-static >/dev/null; then :; \
+	elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+		{ apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends \
+			g++-aarch64-linux-gnu qemu-user-static; } >/dev/null 2>&1 || echo "no compiler for ARM: its tests will be skipped"; fi
 	@touch $@
 
 # Microsoft's compiler of HLSL: its library, out of 67 MB of sources that hold it.

@@ -26,6 +26,7 @@ from cuticle.sampling.sampler import Sampler
 
 PROGRAM = Path(__file__).parent
 WARNINGS = ["-Wall", "-Wextra", "-Wconversion", "-Werror"]
+ARM, EMULATOR = "aarch64-linux-gnu-g++", "qemu-aarch64-static"
 SAMPLER, EVAL, AROUND = 7, 4, 6  # columns of inputs, which say what is asked
 
 
@@ -42,13 +43,14 @@ class Run:
 
 
 def compiled(
-    made: Export, x: np.ndarray, folder: Path, *, command: list[str], precision: str = "float", program: str = "replay.cpp"
-) -> np.ndarray:
-    """Compile an exported header alone in an empty folder, and run it over the inputs."""
+    made: Export, x: np.ndarray, folder: Path, *, command: list[str], precision: str = "float", program: str = "replay.cpp",
+    under: Sequence[str] = (),
+) -> np.ndarray:  # fmt: skip
+    """Compile an exported header alone in an empty folder, and run it over the inputs; `under`: by what, an emulator."""
     build(made.text, x, folder, command=command, precision=precision, program=program)
     x.astype("<f4").tofile(folder / "inputs")
     ran = subprocess.run(
-        ["./replay", "inputs", "outputs"], cwd=folder, capture_output=True, text=True, timeout=120, check=False
+        [*under, "./replay", "inputs", "outputs"], cwd=folder, capture_output=True, text=True, timeout=120, check=False
     )
     assert ran.returncode == 0, ran.stderr
     return np.fromfile(folder / "outputs", "<f8").reshape(len(x), -1)
@@ -70,11 +72,15 @@ def build(text: str, x: np.ndarray, folder: Path, *, command: list[str], precisi
 
 def cpp(
     made: Export, x: np.ndarray, folder: Path, *, compiler: str = "g++", flags: tuple[str, ...] = ("-O1",),
-    precision: str = "float",
+    precision: str = "float", program: str = "replay.cpp",
 ) -> np.ndarray:  # fmt: skip
-    """By a C++ compiler."""
+    """By a C++ compiler; what one for ARM makes is run by an emulator."""
     need(compiler)
-    return compiled(made, x, folder, command=[compiler, "-std=c++17", *flags, *WARNINGS], precision=precision)
+    command, under = [compiler, "-std=c++17", *flags, *WARNINGS], []
+    if compiler == ARM:
+        need(EMULATOR, "qemu-user-static")
+        command, under = [*command, "-static"], [EMULATOR]
+    return compiled(made, x, folder, command=command, precision=precision, program=program, under=under)
 
 
 def cuda(

@@ -134,12 +134,12 @@ def write_fibres(form: str, folder: Path) -> None:
     )
 
 
-def cpp(form: str, folder: Path, precision: str = "float", made: Export | None = None, rows: Rows = EVERY) -> np.ndarray:
-    hosts.need("g++")
+def cpp(
+    form: str, folder: Path, precision: str = "float", made: Export | None = None, rows: Rows = EVERY, compiler: str = "g++"
+) -> np.ndarray:
     write_fibres(form, folder)
-    command = ["g++", "-std=c++17", "-O1", *hosts.WARNINGS]
-    return hosts.compiled(
-        made or exported(form, "cpp"), cases()[rows], folder, command=command, precision=precision, program=PROGRAM
+    return hosts.cpp(
+        made or exported(form, "cpp"), cases()[rows], folder, compiler=compiler, precision=precision, program=PROGRAM
     )
 
 
@@ -226,6 +226,12 @@ def compare(form: str, got: np.ndarray, rtol: float, atol: float, dtype: Any = n
 @pytest.mark.parametrize("form", FORMS)
 def test_a_family_in_cpp(form: str, tmp_path: Path) -> None:
     compare(form, right_one(form, "cpp", tmp_path, None), **SINGLE)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("form", FORMS)
+def test_a_family_on_arm(form: str, tmp_path: Path) -> None:
+    compare(form, cpp(form, tmp_path, compiler=hosts.ARM), **SINGLE)
 
 
 @pytest.mark.parametrize("form", [*FORMS[:-1], pytest.param(FORMS[-1], marks=pytest.mark.slow)])

@@ -137,6 +137,13 @@ def test_f_among_strands_that_are_random_or_have_an_end(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
+def test_f_on_arm(kind: str, tmp_path: Path) -> None:
+    x = cases(False)
+    np.testing.assert_allclose(hosts.cpp(written(kind, "cpp"), x, tmp_path, compiler=hosts.ARM), expected(kind, x), **SINGLE)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("around", [False, True])
 def test_f_in_wgsl_by_another_compiler(kind: str, around: bool, tmp_path: Path) -> None:
     if around and not kind.startswith("dual"):

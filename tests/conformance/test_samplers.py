@@ -139,6 +139,14 @@ def test_compilers_and_their_flags(sampler: Any, x: Any, judge: Any, compiler: s
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("flags", ["O2", "fast"])
+def test_on_arm(sampler: Any, x: Any, judge: Any, flags: str, tmp_path: Path) -> None:
+    name, own = sampler
+    got = hosts.cpp(written(own, "cpp"), x, tmp_path, compiler=hosts.ARM, flags=FLAGS[flags])
+    judge(f"{name}: ARM, g++ {flags}, float", own, got, reassociates=True)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("compiler", ["glslang", "dxc"])
 def test_hlsl_without_another_language_between(
     sampler: Any, x: Any, judge: Any, compiler: str, tmp_path: Path
