@@ -233,7 +233,7 @@ def _print(made: Audit | Dump) -> None:
     out.print(verdict_table(title, made.verdicts))
     for note in made.notes:
         out.print(f"note: {note}", soft_wrap=True, highlight=False)
-    out.print(f"{RESULTS[made.outcome]} (false-positive rate: one audit in {1 / made.level:,.0f})")
+    out.print(RESULTS[made.outcome], f"(false-positive rate: one audit in {1 / made.level:,.0f})")
 
 
 def _side_by_side(made: Comparison) -> Table:

@@ -20,9 +20,9 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from cuticle._support import validate
 from cuticle._support.files import check_file, write_text
 
-# A pipe or a file has no width of its own: give the tables room there.
-out = Console() if sys.stdout.isatty() else Console(width=118)
-err = Console(stderr=True)
+# A pipe or a file has no width of its own: give the tables room there. No markup: a file's name may hold brackets.
+out = Console(markup=False, emoji=False, width=None if sys.stdout.isatty() else 118)
+err = Console(stderr=True, markup=False, emoji=False)
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 ModelArgument = Annotated[
@@ -88,7 +88,7 @@ LONG = 20.0  # seconds: work that takes longer says so
 @contextmanager
 def progress_bar(quiet: bool = False) -> Iterator[Watch]:
     """Show a progress bar on a terminal, and say about how long long work takes; neither if the caller wants quiet."""
-    columns = (TextColumn("{task.description:<34}"), BarColumn(), TimeElapsedColumn())
+    columns = (TextColumn("{task.description:<34}", markup=False), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=err, transient=True, disable=quiet or not err.is_terminal) as bar:
         yield Watch(bar, quiet)
 
