@@ -170,7 +170,11 @@ def _open_streams() -> None:
         stream = getattr(sys, name)
         if stream is None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 - to the end
-        elif stream is getattr(sys, f"__{name}__") and not stream.isatty():
+        elif stream is not getattr(sys, f"__{name}__"):
+            continue
+        elif stream.isatty():
+            stream.reconfigure(errors="backslashreplace")
+        else:
             raw = io.BufferedWriter(_Forgiving(stream.fileno(), "w", closefd=False))
             line = name == "stderr"
             setattr(sys, name, io.TextIOWrapper(raw, stream.encoding, "backslashreplace", line_buffering=line))

@@ -14,7 +14,7 @@ from rich.table import Table
 
 from cuticle._support import validate
 from cuticle._support.backends import check_backend
-from cuticle._support.files import check_directory, filling, write_text
+from cuticle._support.files import check_directory, filling, shown, write_text
 from cuticle._support.progress import part
 from cuticle.checking.audit import LEVEL, SAMPLES, Audit, audit
 from cuticle.checking.compare_audits import Comparison, compare_audits
@@ -188,7 +188,7 @@ def _load(source: str, parameters: list[str], asked: _Asked) -> tuple[Any, dict[
     if path.is_dir() or path.suffix.lower() == ".json":
         sampler = Sampler.load(path)
         n = strands if strands is not None else sampler.strands[0]
-        own: dict[str, Any] = {"strands": n, "name": f"{path}, {n:g} strands"}
+        own: dict[str, Any] = {"strands": n, "name": f"{shown(path)}, {n:g} strands"}
         try:
             model = model_of(sampler)
         except ValueError as error:  # its pdf can be audited all the same
@@ -196,7 +196,7 @@ def _load(source: str, parameters: list[str], asked: _Asked) -> tuple[Any, dict[
         return sampler, own | {"eval": with_strands(model, n).eval}, None
     chiang = read_model(source) if path.suffix.lower() == ".toml" else None
     if isinstance(chiang, Chiang):
-        return chiang.near(h), {"name": f"{source}, h = {h:g}"}, None
+        return chiang.near(h), {"name": f"{shown(source)}, h = {h:g}"}, None
     raise ValueError(
         f"an audit needs {MITSUBA}PLUGIN, a sampler's .json or its folder, a .toml with [chiang], a shared library"
         f" (.so, .dylib, .dll), or samples in an .npz or .csv file; got {source!r}"

@@ -49,7 +49,7 @@ def write_output(path: Path, text: str) -> None:
     """Write a text to a file, or to standard output."""
     if path == STANDARD_OUTPUT:
         if isinstance(sys.stdout, io.TextIOWrapper):
-            sys.stdout.reconfigure(encoding="utf-8", newline="\n")  # as in a file
+            sys.stdout.reconfigure(encoding="utf-8", errors="backslashreplace", newline="\n")  # as in a file
         sys.stdout.write(text)
     else:
         write_text(path, text)
