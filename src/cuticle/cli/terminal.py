@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import io
 import os
 import re
@@ -70,14 +69,13 @@ def refuse_idle(ctx: typer.Context, why: str, *names: str) -> None:
 
 @contextmanager
 def prints_to_stderr() -> Iterator[None]:
-    """Send what a library prints by itself to standard error: standard output is the command's own."""
+    """Send what another process prints to standard error: standard output is the command's own."""
     sys.stdout.flush()
     kept = os.dup(1)
     os.dup2(2, 1)
     try:
         yield
     finally:
-        ctypes.CDLL("ucrtbase" if os.name == "nt" else None).fflush(None)  # what C still holds
         os.dup2(kept, 1)
         os.close(kept)
 
