@@ -398,3 +398,10 @@ def test_a_files_name_is_printed_as_it_is(fitted: Path, tmp_path: Path) -> None:
     done = run("export", str(fitted), "--to", "json", "-o", name, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith(f"wrote {name}: ")
+
+
+def test_help_for_want_of_a_command_is_no_error_line() -> None:
+    for group in ("render", "reference"):
+        done = run(group)
+        assert (done.returncode, done.stderr) == (2, "")
+        assert f"Usage: cuticle {group}" in done.stdout

@@ -41,7 +41,7 @@ def apart(work: Callable[[Progress], T], progress: Progress, name: str) -> T:
     kind, found = message
     if kind == "error":
         raise found
-    return found  # type: ignore[no-any-return]
+    return found
 
 
 def _work(work: Callable[[Progress], Any], there: Any) -> None:
@@ -49,6 +49,6 @@ def _work(work: Callable[[Progress], Any], there: Any) -> None:
     try:
         message = "result", work(lambda phase, fraction: there.send(("progress", phase, fraction)))
     except Exception as error:
-        message = "error", error  # type: ignore[assignment]
+        message = "error", error
     ctypes.CDLL("ucrtbase" if os.name == "nt" else None).fflush(None)  # what C still holds
     there.send(message)

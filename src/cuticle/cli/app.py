@@ -195,7 +195,8 @@ def _run(stopped: Callable[[], bool]) -> int:
         if stopped():  # a library between has made another error of it
             return 130
         if isinstance(error, _UsageError):
-            return _complain(error.format_message())
+            message = error.format_message()
+            return _complain(message) if message else 2  # help was printed in its place
         if isinstance(error, (ValueError, TypeError, RuntimeError, OSError, MemoryError, ImportError)):
             return _complain(str(error) or type(error).__name__)
         raise
