@@ -226,3 +226,30 @@ def test_the_page_of_a_file_of_samples_and_of_one_audit(tmp_path: Path) -> None:
     text, page = read(tmp_path / "one/audit.html")
     assert len(page.images) == 1
     assert not re.search(r"\bnan\b", re.sub(r"data:[^\"]*", "", text).lower())
+
+
+# ---- what a library does to the process that calls it
+
+
+@pytest.mark.parametrize(
+    ("does", "words"),
+    [("exit(0)", "ended before the work did: it called exit(0)"), ("abort()", "it was stopped by SIGABRT")],
+)
+def test_a_library_that_ends_its_process_is_no_pass(does: str, words: str, tmp_path: Path) -> None:
+    path = library(
+        tmp_path,
+        SOURCE.replace("(void)viewer;", f"(void)viewer, {does};", 1).replace("<math.h>", "<math.h>\n#include <stdlib.h>"),
+    )
+    refused("audit", path.name, "--theta-r", "20", "--samples", "10000", words=words, cwd=tmp_path)
+
+
+def test_libraries_side_by_side_do_not_share_what_a_loader_merges(tmp_path: Path) -> None:
+    """GCC makes an inline function's static data unique in a process: the second library would read the first's."""
+    for folder, factor in (("a", "1."), ("b", "1.05")):
+        (tmp_path / folder).mkdir()
+        unique = f"inline const double *factor() {{ static const double values[] = {{{factor}}}; return values; }}\n"
+        library(tmp_path / folder, SOURCE.replace("#ifndef PDF", f"{unique}#ifndef PDF"), "c++", PDF="factor()[0]")
+    done = run("audit", "--compare", "a/lib0.so", "b/lib0.so", "--samples", "10000", "--theta-r=20", "--json", cwd=tmp_path)
+    made = json.loads(done.stdout)
+    assert (made["first"]["name"], made["second"]["name"]) == ("a/lib0.so", "b/lib0.so")
+    assert (made["first"]["ok"], made["second"]["ok"]) == (True, False)

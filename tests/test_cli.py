@@ -390,3 +390,18 @@ def test_a_plugin_is_read_and_fitted_under_one_bar(monkeypatch: pytest.MonkeyPat
     assert shares == sorted(shares)
     assert shares[:3] == [0.0, 0.45, 0.9]
     assert shares[-1] == 1
+
+
+def test_a_files_name_is_printed_as_it_is(fitted: Path, tmp_path: Path) -> None:
+    name = "[/b] :smile: [red].json"
+    (tmp_path / "[").mkdir()
+    done = run("export", str(fitted), "--to", "json", "-o", name, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith(f"wrote {name}: ")
+
+
+def test_help_for_want_of_a_command_is_no_error_line() -> None:
+    for group in ("render", "reference"):
+        done = run(group)
+        assert (done.returncode, done.stderr) == (2, "")
+        assert f"Usage: cuticle {group}" in done.stdout

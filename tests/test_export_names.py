@@ -98,3 +98,17 @@ def test_two_names_that_differ_in_their_capitals_are_two(tmp_path: Path) -> None
     both += "hair::Fibre<float> a;\nHair::Fibre<float> b;\n"
     assert not syntax_of(tmp_path, both)
     assert '#error "Cuticle needs C++17' in syntax_of(tmp_path, both, "c++14")
+
+
+def test_two_exports_of_one_name_are_told_apart(tmp_path: Path) -> None:
+    """In one file by an error, not by the silence of an include guard; in several by the linker, not by luck."""
+    one, other = (export_family(form, "cpp", name="hair").text for form in ("chiang", "marschner"))
+    assert not syntax_of(tmp_path, one + one + "hair::Fibre<float> a;\n")
+    assert "hair: another export of this name was included before" in syntax_of(tmp_path, one + other)
+    inner = [re.findall(r"^namespace hair \{\ninline namespace (x\d+) \{", text, re.M) for text in (one, other)]
+    assert [len(names) for names in inner] == [1, 1]
+    assert inner[0] != inner[1]
+    shaders = [
+        re.findall(r"#define HAIR_GLSL (\d+)", export_family(f, "glsl", name="hair").text) for f in ("chiang", "marschner")
+    ]
+    assert shaders[0] != shaders[1]

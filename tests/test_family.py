@@ -205,3 +205,18 @@ def test_a_fibre_of_another_family_is_refused() -> None:
         CHIANG.sample(0.1, [0.1, 0.2], sigma_a=0.1)
     with pytest.raises(ValueError, match=r"sampler_at takes one fibre, got an array of shape \(2,\)"):
         CHIANG.sampler_at(beta_m=[0.1, 0.2], sigma_a=0.1)
+
+
+def test_a_fibres_defaults_follow_its_r_whether_it_is_a_fibre_or_keywords() -> None:
+    """Beyond 30° of alpha_R and 45° of beta_R its TRT leaves the range of one that is set; the fibre is the same one."""
+    for values in ({"alpha_R": -40.0}, {"beta_R": 60.0}):
+        one = MARSCHNER.fibres(**values, sigma_a=0.3)
+        other = MARSCHNER.sampler_at(Fibre(**values, sigma_a=0.3)).fibre
+        np.testing.assert_array_equal(one.parameters, other.parameters)
+    with pytest.raises(ValueError, match=r"alpha_TRT must lie in \[-45, 45\], got 60"):
+        MARSCHNER.fibres(alpha_R=-40.0, alpha_TRT=60.0, sigma_a=0.3)
+
+
+def test_what_a_family_alone_does_not_have_is_refused() -> None:
+    with pytest.raises(ValueError, match="d_b is for the family 'dual_scattering'; 'chiang' is of a strand on its own"):
+        cuticle.family("chiang", d_b=0.5)

@@ -278,3 +278,22 @@ def test_spectral_variants_are_refused_for_a_function_of_three_channels(use_vari
     use_variant("scalar_spectral")
     with pytest.raises(ValueError, match=r'from_mitsuba needs a variant in RGB.*mi.set_variant\("scalar_rgb"\) first'):
         cuticle.from_mitsuba("hair", h=0.3, eumelanin=1.3)
+
+
+@pytest.mark.parametrize("given", [{}, {"sampling": "uniform"}, {"near": True}])
+def test_the_last_of_sigma_a_and_pigments_counts(given: dict[str, Any], use_variant: UseVariant) -> None:
+    """A sigma_a that was set outlives a change of roughness, also a colour's; a pigment is heard with the number it had."""
+    mi = use_variant("scalar_rgb")
+
+    def sigma_a(name: str, value: Any) -> Any:
+        parameters[name] = value
+        parameters.update()
+        return np.array(mi.traverse(hair)["sigma_a.value"], np.float64)
+
+    for absorption in ({"color": mi.ScalarColor3d(0.3, 0.4, 0.5)}, {"eumelanin": 1.3}):
+        hair = mi.load_dict({"type": "cuticle", "beta_m": 0.3, "beta_n": 0.3, **absorption, **given})
+        parameters = mi.traverse(hair)
+        own = np.array(parameters["sigma_a.value"], np.float64)
+        sigma_a("sigma_a.value", mi.ScalarColor3d(1, 2, 3))
+        np.testing.assert_array_equal(sigma_a("beta_n", 0.6), [1, 2, 3])
+    np.testing.assert_allclose(sigma_a("eumelanin", 1.3), own, rtol=1e-6)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import signal
@@ -180,6 +181,11 @@ def test_ctrl_c_leaves_nothing(
         ("exec {cuticle} check none.json 2>/dev/full", 2, ""),
         ("exec {cuticle} fibres >/dev/full", 2, "cuticle: [Errno 28] No space left on device: 'standard output'\n"),
         ("export PYTHONIOENCODING=ascii; exec {cuticle} fibres", 0, ""),
+        (
+            "mkdir gone; cd gone; rmdir ../gone; exec {cuticle} export --family chiang --to cpp -o x.h",
+            2,
+            "cuticle: cannot write to x.h: No such file or directory\n",
+        ),
         # the exit code is that of the work, though `head` has seen enough
         ("set -o pipefail; {cuticle} audit bad.npz | head -c 1 >/dev/null", 1, ""),
         # Ctrl-C of a script is not for its jobs in the background
@@ -194,6 +200,32 @@ def test_streams_and_signals_as_a_shell_gives_them(shell: str, code: int, words:
     command = shell.format(cuticle=f"{sys.executable} -m cuticle")
     done = subprocess.run(["bash", "-c", command], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
     assert (done.returncode, done.stderr) == (code, words)
+
+
+@posix
+def test_a_terminal_that_lacks_a_letter_shows_its_code() -> None:
+    import pty
+
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-m", "cuticle", "fibres"]
+    with subprocess.Popen(command, stdout=theirs, env={**os.environ, "PYTHONIOENCODING": "ascii", "COLUMNS": "60"}) as done:
+        os.close(theirs)
+        shown = b""
+        with contextlib.suppress(OSError):  # the terminal's end
+            while part := os.read(ours, 4096):
+                shown += part
+    os.close(ours)
+    assert done.returncode == 0
+    assert b"\\u2026" in shown
+
+
+@posix
+def test_a_name_that_is_no_text_stands_on_pages_and_pictures(saved: Path, tmp_path: Path) -> None:
+    name = os.fsdecode(b"caf\xc3\xa9-\xff.json")
+    (tmp_path / name).write_bytes(saved.read_bytes())
+    done = run("audit", name, "--strands", "0", "--theta-r", "20", "--samples", "10000", "-o", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "caf\u00e9-\\udcff.json, 0 strands" in (tmp_path / "out/audit.html").read_text("utf-8")
 
 
 def test_ctrl_c_before_the_package_is_imported() -> None:

@@ -6,7 +6,7 @@ NAMESPACE_BEGIN(mitsuba)
 
 template <typename Float, typename Spectrum> class CuticleBSDF final : public AbsorbingHairBSDF<Float, Spectrum> {
   public:
-    MI_IMPORT_BASE(AbsorbingHairBSDF, m_scale)
+    MI_IMPORT_BASE(AbsorbingHairBSDF, m_scale, m_sigma_a_set)
     using typename Base::Angles;
     MI_IMPORT_TYPES(Texture)
     using FloatBuffer = DynamicBuffer<Float>;
@@ -69,10 +69,12 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
         const auto changed = [&](const char *name) { return std::find(keys.begin(), keys.end(), name) != keys.end(); };
         const bool fixed = m_fixed;
         if (keys.empty() || changed("sigma_a") || changed("scale")) m_fixed = false;
+        m_again = Base::pigment_again(keys);
         try {
             Base::parameters_changed(keys);
         } catch (...) {  // without tables of other absorptions only its own can be looked up
             m_fixed = fixed;
+            m_sigma_a_set |= m_again;
             throw;
         }
     }
@@ -80,7 +82,7 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
     MI_DECLARE_CLASS(CuticleBSDF)
 
   private:
-    bool lacks_tables() const override { return !m_fixed && m_range.count == 0; }
+    bool lacks_tables() const override { return m_again || (!m_fixed && m_range.count == 0); }
     void ask_for_tables(Properties &scene) const override {
         if (!m_fixed) scene.set("scale", 1.0, false);
     }
@@ -161,7 +163,7 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
     } m_through;
     float m_d_f, m_d_b, m_through_limit = 1, m_rest_variance = 0;
     int m_rows, m_columns, m_channels, m_exact_channels, m_average_rows = 0, m_rest_rows = 0;
-    bool m_fixed;
+    bool m_fixed, m_again = false;
     FloatBuffer m_direct, m_spread, m_energy, m_along, m_azimuth, m_through_behind, m_averages, m_rest;
 
     MI_TRAVERSE_CB(Base, m_direct, m_spread, m_energy, m_along, m_azimuth, m_through_behind, m_averages, m_rest)

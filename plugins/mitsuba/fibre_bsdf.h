@@ -8,7 +8,7 @@ NAMESPACE_BEGIN(mitsuba)
 
 template <typename Float, typename Spectrum> class FibreBSDF : public AbsorbingHairBSDF<Float, Spectrum> {
   public:
-    MI_IMPORT_BASE(AbsorbingHairBSDF, held, m_scale, m_sigma_a, m_scene)
+    MI_IMPORT_BASE(AbsorbingHairBSDF, held, m_scale, m_sigma_a, m_sigma_a_set, m_scene)
     MI_IMPORT_TYPES(Texture)
     using typename Base::Angles;
     static constexpr int channels = int(dr::size_v<UnpolarizedSpectrum>);
@@ -27,12 +27,14 @@ template <typename Float, typename Spectrum> class FibreBSDF : public AbsorbingH
     // stays as it was.
     void parameters_changed(const std::vector<std::string> &keys = {}) override {
         Properties scene(m_scene);
+        const bool again = this->pigment_again(keys);
         try {
-            if (set_numbers(scene))
+            if (set_numbers(scene) || again)
                 this->adopt(static_cast<const FibreBSDF &>(
                     *PluginManager::instance()->create_object<mitsuba::BSDF<Float, Spectrum>>(scene)));
         } catch (...) {
             for (size_t k = 0; k < m_slots.size(); ++k) m_values[k] = m_slots[k].made;
+            m_sigma_a_set |= again;
             throw;
         }
         // What Python made of a number has no gradient: where one is asked for, the number itself is used.

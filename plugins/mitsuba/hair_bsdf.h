@@ -300,9 +300,23 @@ template <typename Float, typename Spectrum> class AbsorbingHairBSDF : public Ha
     void adopt(const HairBSDF<Float, Spectrum> &other) override {
         Base::adopt(other);
         const auto &made = static_cast<const AbsorbingHairBSDF &>(other);
-        if (m_absorption.empty() || m_absorption == made.m_absorption) return;
+        if (m_sigma_a_set || m_absorption.empty() || m_absorption == made.m_absorption) return;
         copy_values<Float>(*m_sigma_a, *const_cast<Texture *>(made.m_sigma_a.get()));
         m_absorption = made.m_absorption;
+    }
+
+    // A sigma_a that was set stays until a pigment is set, be it to the number that it had: then this is true.
+    bool pigment_again(const std::vector<std::string> &keys) {
+        const auto any = [&](const char *name) {
+            return std::any_of(keys.begin(), keys.end(), [&](auto &key) { return key.rfind(name, 0) == 0; });
+        };
+        if (any("sigma_a")) m_sigma_a_set = true;
+        else if (m_sigma_a_set && (any("eumelanin") || any("pheomelanin"))) {
+            m_sigma_a_set = false;
+            if (!m_absorption.empty()) m_absorption = "that of sigma_a";
+            return true;
+        }
+        return false;
     }
 
     UnpolarizedSpectrum absorption(const SurfaceInteraction3f &si, Mask active) const {
@@ -316,6 +330,7 @@ template <typename Float, typename Spectrum> class AbsorbingHairBSDF : public Ha
 
     ref<Texture> m_sigma_a, m_scale;
     std::string m_absorption;  // the fibre's own, in words; none where a texture is the scene's
+    bool m_sigma_a_set = false;
 
     MI_TRAVERSE_CB(Base, m_sigma_a, m_scale)
 };

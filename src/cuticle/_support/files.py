@@ -115,6 +115,11 @@ def read_text(path: str | os.PathLike[str], what: str) -> str:
         return read_bytes(path, what, text=True).decode("utf-8-sig")
 
 
+def shown(path: str | os.PathLike[str]) -> str:
+    """Return a path as text for pages, pictures and files: bytes in it that are no text are escaped."""
+    return str(path).encode("utf-8", "backslashreplace").decode()
+
+
 def write_text(path: str | os.PathLike[str], text: str) -> Path:
     """Write a text file as `write_bytes` does, and return its path."""
     return write_bytes(path, text.encode("utf-8"))
@@ -224,9 +229,13 @@ def check_file(path: str | os.PathLike[str]) -> Path:
             raise ValueError(f"cannot write {target}: it is read-only")
         if not target.is_file():
             return target
-    elif not Path(os.path.realpath(target)).parent.is_dir():
+    try:
+        folder = Path(os.path.realpath(target)).parent
+    except OSError as error:  # the current folder is gone
+        raise ValueError(f"cannot write to {target}: {error.strerror or error}") from None
+    if not folder.is_dir():
         raise ValueError(f"cannot write to {target.parent}: No such file or directory")
-    _check_writable(Path(os.path.realpath(target)).parent, target)
+    _check_writable(folder, target)
     return target
 
 

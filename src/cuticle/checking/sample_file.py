@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cuticle._support import validate
-from cuticle._support.files import reading
+from cuticle._support.files import reading, shown
 from cuticle.checking.measurements import RowsOfFile, ViewerOfFile
 from cuticle.checking.patches import follows
 from cuticle.checking.regions import repeated_angles
@@ -114,7 +114,7 @@ def audit_dump(path: str | os.PathLike[str], *, level: float = 1e-4, seed: int =
     if none.mean() > 1e-3:
         notes.append(f"{100 * none.mean():.2g} % of rows give no direction")
     return Dump(
-        str(path), len(pdf), len(ids), patches, left_out, min(v.p_value for v in viewers), mean, error, ess, largest,
+        shown(path), len(pdf), len(ids), patches, left_out, min(v.p_value for v in viewers), mean, error, ess, largest,
         judge.verdicts(), tuple(notes), level,
     )  # fmt: skip
 

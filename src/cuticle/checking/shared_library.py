@@ -56,7 +56,8 @@ def audit_library(
     Raises
     ------
     ValueError
-        The library cannot be loaded, lacks a function, or writes past the end of an array. A crash in it ends the process.
+        The library cannot be loaded, lacks a function, or writes past the end of an array. A crash in it, or a call of exit,
+        ends the process; the command `cuticle audit` runs it in one of its own.
 
     Examples
     --------

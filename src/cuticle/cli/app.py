@@ -170,7 +170,11 @@ def _open_streams() -> None:
         stream = getattr(sys, name)
         if stream is None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 - to the end
-        elif stream is getattr(sys, f"__{name}__") and not stream.isatty():
+        elif stream is not getattr(sys, f"__{name}__"):
+            continue
+        elif stream.isatty():
+            stream.reconfigure(errors="backslashreplace")
+        else:
             raw = io.BufferedWriter(_Forgiving(stream.fileno(), "w", closefd=False))
             line = name == "stderr"
             setattr(sys, name, io.TextIOWrapper(raw, stream.encoding, "backslashreplace", line_buffering=line))
@@ -191,7 +195,8 @@ def _run(stopped: Callable[[], bool]) -> int:
         if stopped():  # a library between has made another error of it
             return 130
         if isinstance(error, _UsageError):
-            return _complain(error.format_message())
+            message = error.format_message()
+            return _complain(message) if message else 2  # help was printed in its place
         if isinstance(error, (ValueError, TypeError, RuntimeError, OSError, MemoryError, ImportError)):
             return _complain(str(error) or type(error).__name__)
         raise

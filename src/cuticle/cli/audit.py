@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -13,9 +15,10 @@ import typer
 from rich.table import Table
 
 from cuticle._support import validate
+from cuticle._support.apart import apart
 from cuticle._support.backends import check_backend
-from cuticle._support.files import check_directory, filling, write_text
-from cuticle._support.progress import part
+from cuticle._support.files import check_directory, filling, shown, write_text
+from cuticle._support.progress import Progress, part
 from cuticle.checking.audit import LEVEL, SAMPLES, Audit, audit
 from cuticle.checking.compare_audits import Comparison, compare_audits
 from cuticle.checking.sample_file import Dump, audit_dump
@@ -128,16 +131,16 @@ def command(
     else:
         options: dict[str, Any] = {"theta_r": angles, "samples": samples, "level": level, "seed": seed}
         options |= {"reciprocity": reciprocity, "energy": energy}
-        with prints_to_stderr() if LIBRARY in kinds else nullcontext():
-            loaded = [_load(name, given, _Asked(h, strands, variant, frame)) for name, given in targets]
-            if any(not callable(own.get("eval", getattr(sampler, "eval", None))) for sampler, own, _ in loaded):
-                refuse_idle(ctx, "for a sampler without its scattering function", "reciprocity", "energy")
-            with progress_bar(json_output) as progress:
-                share = 1 / len(loaded)
-                audits = [
-                    _noted(audit(sampler, progress=part(progress, i * share, share), **options, **own), note)
-                    for i, (sampler, own, note) in enumerate(loaded)
-                ]
+        asked = _Asked(h, strands, variant, frame)
+        works = [
+            partial(apart, partial(_audited_library, name, asked, options), name=name)
+            if kind == LIBRARY
+            else _prepared(name, given, asked, options)
+            for kind, (name, given) in zip(kinds, targets, strict=True)
+        ]
+        with prints_to_stderr() if LIBRARY in kinds else nullcontext(), progress_bar(json_output) as progress:
+            share = 1 / len(works)
+            audits = [work(part(progress, i * share, share)) for i, work in enumerate(works)]
         made = audits[0] if compare is None else compare_audits(*audits)
     written = [] if output is None else _write(made, output)
     if json_output:
@@ -152,8 +155,23 @@ def command(
     raise typer.Exit(EXIT_CODES[made.outcome])
 
 
-def _noted(made: Audit, note: str | None) -> Audit:
-    return made if note is None else replace(made, notes=(*made.notes, note))
+def _prepared(source: str, given: list[str], asked: _Asked, options: dict[str, Any]) -> Callable[[Progress], Audit]:
+    """Return what audits a target, which is loaded now."""
+    sampler, own, note = _load(source, given, asked)
+    if not callable(own.get("eval", getattr(sampler, "eval", None))):
+        for name in ("reciprocity", "energy"):
+            if options[name]:
+                raise ValueError(f"--{name} does nothing for a sampler without its scattering function: leave it out")
+
+    def work(progress: Progress) -> Audit:
+        made = audit(sampler, progress=progress, **options, **own)
+        return made if note is None else replace(made, notes=(*made.notes, note))
+
+    return work
+
+
+def _audited_library(source: str, asked: _Asked, options: dict[str, Any], progress: Progress) -> Audit:
+    return _prepared(source, [], asked, options)(progress)
 
 
 def _json(made: Audit | Dump | Comparison) -> str:
@@ -177,8 +195,7 @@ def _load(source: str, parameters: list[str], asked: _Asked) -> tuple[Any, dict[
     """Return the sampler that `source` names, the other arguments that `audit` needs, and what the user should know."""
     h, strands = asked.h, asked.strands
     if _kind(source) == LIBRARY:
-        library = LibrarySampler(source, frame=asked.frame)
-        return library, {"name": library.name}, None
+        return LibrarySampler(source, frame=asked.frame), {"name": shown(source)}, None
     if source.startswith(MITSUBA):
         _set_variant(asked.variant)
         given = read_parameters(parameters)
@@ -188,7 +205,7 @@ def _load(source: str, parameters: list[str], asked: _Asked) -> tuple[Any, dict[
     if path.is_dir() or path.suffix.lower() == ".json":
         sampler = Sampler.load(path)
         n = strands if strands is not None else sampler.strands[0]
-        own: dict[str, Any] = {"strands": n, "name": f"{path}, {n:g} strands"}
+        own: dict[str, Any] = {"strands": n, "name": f"{shown(path)}, {n:g} strands"}
         try:
             model = model_of(sampler)
         except ValueError as error:  # its pdf can be audited all the same
@@ -196,7 +213,7 @@ def _load(source: str, parameters: list[str], asked: _Asked) -> tuple[Any, dict[
         return sampler, own | {"eval": with_strands(model, n).eval}, None
     chiang = read_model(source) if path.suffix.lower() == ".toml" else None
     if isinstance(chiang, Chiang):
-        return chiang.near(h), {"name": f"{source}, h = {h:g}"}, None
+        return chiang.near(h), {"name": f"{shown(source)}, h = {h:g}"}, None
     raise ValueError(
         f"an audit needs {MITSUBA}PLUGIN, a sampler's .json or its folder, a .toml with [chiang], a shared library"
         f" (.so, .dylib, .dll), or samples in an .npz or .csv file; got {source!r}"
@@ -233,7 +250,7 @@ def _print(made: Audit | Dump) -> None:
     out.print(verdict_table(title, made.verdicts))
     for note in made.notes:
         out.print(f"note: {note}", soft_wrap=True, highlight=False)
-    out.print(f"{RESULTS[made.outcome]} (false-positive rate: one audit in {1 / made.level:,.0f})")
+    out.print(RESULTS[made.outcome], f"(false-positive rate: one audit in {1 / made.level:,.0f})")
 
 
 def _side_by_side(made: Comparison) -> Table:

@@ -40,7 +40,7 @@ def command(output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR"
     with progress_bar(False) as progress:
         report = check(result.sampler, model, progress=progress)
     tables = check_tables(report)
-    recorder = Console(record=True, width=118, file=io.StringIO())
+    recorder = Console(record=True, width=118, file=io.StringIO(), markup=False)
     for listing in tables:
         recorder.print(listing)
     write_text(folder / "check.txt", recorder.export_text())

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from cuticle._support.files import check_directory, filling
+from cuticle._support.files import check_directory, filling, shown
 from cuticle.cli.tables import document_tables
 from cuticle.cli.terminal import JsonOption, ModelArgument, ParametersArgument, out, progress_bar
 from cuticle.draft.document import Document, document
@@ -36,7 +36,7 @@ def command(
     if output is not None:
         check_directory(output)
     with progress_bar(json_output) as progress:
-        result = document(parsed, printed=tables, name=Path(model).stem, progress=progress)
+        result = document(parsed, printed=tables, name=shown(Path(model).stem), progress=progress)
         if output is not None:
             with filling(output) as folder:
                 result.save(folder, progress=progress)

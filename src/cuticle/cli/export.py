@@ -108,7 +108,7 @@ def command(
         beside = _written(made, output)
         tables = f", tables of {made.table_bytes:,} bytes" if family == "dual_scattering" and not made.data else ""
         tell.print(f"wrote {output}{beside}: {len(made.text):,} characters{tables}, for any fibre", soft_wrap=True)
-        tell.print(_lines_beside(made, name, output), end="", soft_wrap=True, markup=False, highlight=False)
+        tell.print(_lines_beside(made, name, output), end="", soft_wrap=True, highlight=False)
         return
     assert sampler is not None
     assert to is not None
@@ -149,7 +149,7 @@ def command(
             f"the scattering function's tables: {made.model.size:,} bytes, within {100 * made.model.error:.2g} % of ∫ f cos",
             soft_wrap=True,
         )
-    tell.print(_lines_beside(made, name, output), end="", soft_wrap=True, markup=False, highlight=False)
+    tell.print(_lines_beside(made, name, output), end="", soft_wrap=True, highlight=False)
 
 
 def _texture_of(output: Path) -> Path:

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import numpy as np
 import typer
+from rich.text import Text
 
 from cuticle.cli.tables import table
 from cuticle.cli.terminal import JsonOption, out, refuse_idle
@@ -38,4 +39,4 @@ def command(
         listing.add_row(name, *angles, f"{f.beta_N:g}", f"{f.eta:g}", ", ".join(f"{x:.3g}" for x in f.absorption))
     out.print(listing)
     for name, preset in PRESETS.items():
-        out.print(f"[bold]{name}[/]: {preset.about} {preset.source}")
+        out.print(Text(name, "bold"), f": {preset.about} {preset.source}", sep="")

@@ -35,8 +35,8 @@ def _make(model: str, cases: int, output: Path, seed: int, **options: str) -> No
         made = make(model, cases, seed=seed, progress=progress, **options)
     write_output(target, made.to_csv())
     if str(output) != "-":
-        err.print(f"{made!r}", soft_wrap=True, highlight=False, markup=False)
-        err.print(f"wrote {output}", soft_wrap=True, highlight=False, markup=False)
+        err.print(f"{made!r}", soft_wrap=True, highlight=False)
+        err.print(f"wrote {output}", soft_wrap=True, highlight=False)
 
 
 @app.command("chiang")
@@ -102,7 +102,7 @@ def check_values(
     if json_output:
         print(json.dumps(found.to_dict(), indent=2, allow_nan=False))
     else:
-        out.print(str(found), soft_wrap=True, highlight=False, markup=False)
+        out.print(str(found), soft_wrap=True, highlight=False)
     raise typer.Exit(0 if found.ok else 1)
 
 
@@ -113,5 +113,5 @@ def slips() -> None:
     for column in ("slip", "meaning", "right", "wrong"):
         listing.add_column(column, overflow="fold")
     for s in SLIPS:
-        listing.add_row(*(text.replace("[", r"\[") for text in (s.name, s.meaning, s.right, s.wrong)))
+        listing.add_row(s.name, s.meaning, s.right, s.wrong)
     out.print(listing)

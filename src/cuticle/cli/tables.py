@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich import box
 from rich.table import Table
+from rich.text import Text
 
 from cuticle.draft.layout import shown_tables
 
@@ -17,8 +18,10 @@ if TYPE_CHECKING:  # what a command prints, it has imported
     from cuticle.checking.verdicts import Verdict
     from cuticle.fitting.result import Fit
 
-MARKS = {"pass": "[green]pass[/]", "fail": "[red]FAIL[/]", "inconclusive": "[yellow]inconclusive[/]"}
-RESULTS = {"pass": "[green]passes[/]", "fail": "[red]FAILED[/]", "inconclusive": "[yellow]is inconclusive[/]"}
+MARKS = {"pass": Text("pass", "green"), "fail": Text("FAIL", "red"), "inconclusive": Text("inconclusive", "yellow")}
+RESULTS = {
+    "pass": Text("passes", "green"), "fail": Text("FAILED", "red"), "inconclusive": Text("is inconclusive", "yellow"),
+}  # fmt: skip
 
 
 def table(title: str, caption: str | None = None) -> Table:
@@ -102,7 +105,10 @@ def document_tables(plain: dict[str, Any]) -> list[Table]:
             listing.add_column(header, justify="right")
         listing.add_column("")
         for row in shown.rows:
-            cells = [c.ours + (f" [dim]{c.printed} ({c.difference})[/]" if c.printed != "–" else "") for c in row.cells]
+            cells = [
+                Text.assemble(c.ours, (f" {c.printed} ({c.difference})" if c.printed != "–" else "", "dim"))
+                for c in row.cells
+            ]
             listing.add_row(*row.keys, *cells, row.note)
         listings.append(listing)
     functions = table("The general functions: theta = theta_r in radians", plain["no_functions_because"])
@@ -110,11 +116,11 @@ def document_tables(plain: dict[str, Any]) -> list[Table]:
         functions.add_column(column)
     for name, f in (plain["functions"] or {}).items():
         others = f["runners_up"][0]["text"] if f["runners_up"] else ""
-        functions.add_row(name, f["best"]["text"], f"{f['best']['rms']:.2g}", f"[dim]{others}[/]")
+        functions.add_row(name, f["best"]["text"], f"{f['best']['rms']:.2g}", Text(others, "dim"))
     claims = table("What the draft claims")
     for column in ("", "claim", "what was found"):
         claims.add_column(column)
     colours = {"holds": "green", "holds in part": "yellow", "does not hold": "red"}
     for c in plain["claims"]:
-        claims.add_row(f"[{colours[c['verdict']]}]{c['verdict']}[/]", f"“{c['quote']}”", c["finding"])
+        claims.add_row(Text(c["verdict"], colours[c["verdict"]]), f"“{c['quote']}”", c["finding"])
     return [*listings, functions, claims]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import io
 import os
 import re
@@ -20,9 +19,9 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from cuticle._support import validate
 from cuticle._support.files import check_file, write_text
 
-# A pipe or a file has no width of its own: give the tables room there.
-out = Console() if sys.stdout.isatty() else Console(width=118)
-err = Console(stderr=True)
+# A pipe or a file has no width of its own: give the tables room there. No markup: a file's name may hold brackets.
+out = Console(markup=False, emoji=False, width=None if sys.stdout.isatty() else 118)
+err = Console(stderr=True, markup=False, emoji=False)
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 ModelArgument = Annotated[
@@ -49,7 +48,7 @@ def write_output(path: Path, text: str) -> None:
     """Write a text to a file, or to standard output."""
     if path == STANDARD_OUTPUT:
         if isinstance(sys.stdout, io.TextIOWrapper):
-            sys.stdout.reconfigure(encoding="utf-8", newline="\n")  # as in a file
+            sys.stdout.reconfigure(encoding="utf-8", errors="backslashreplace", newline="\n")  # as in a file
         sys.stdout.write(text)
     else:
         write_text(path, text)
@@ -70,14 +69,13 @@ def refuse_idle(ctx: typer.Context, why: str, *names: str) -> None:
 
 @contextmanager
 def prints_to_stderr() -> Iterator[None]:
-    """Send what a library prints by itself to standard error: standard output is the command's own."""
+    """Send what another process prints to standard error: standard output is the command's own."""
     sys.stdout.flush()
     kept = os.dup(1)
     os.dup2(2, 1)
     try:
         yield
     finally:
-        ctypes.CDLL("ucrtbase" if os.name == "nt" else None).fflush(None)  # what C still holds
         os.dup2(kept, 1)
         os.close(kept)
 
@@ -88,7 +86,7 @@ LONG = 20.0  # seconds: work that takes longer says so
 @contextmanager
 def progress_bar(quiet: bool = False) -> Iterator[Watch]:
     """Show a progress bar on a terminal, and say about how long long work takes; neither if the caller wants quiet."""
-    columns = (TextColumn("{task.description:<34}"), BarColumn(), TimeElapsedColumn())
+    columns = (TextColumn("{task.description:<34}", markup=False), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=err, transient=True, disable=quiet or not err.is_terminal) as bar:
         yield Watch(bar, quiet)
 

@@ -7,7 +7,7 @@ import numpy as np
 from cuticle._support.version import __version__
 from cuticle.export.headers import amalgamate
 from cuticle.export.registry import Export, Job
-from cuticle.export.source import environment
+from cuticle.export.source import environment, signed
 
 _ROOTS = {
     "dual": "scattering/dual_scattering.h", "strand": "scattering/marschner.h", "chiang": "scattering/chiang.h",
@@ -32,4 +32,4 @@ def header(job: Job, *, cuda: bool) -> Export:
         even=sampler.even, nodes=nodes, energy=energy, model=tables, kind=tables.kind if tables is not None else "",
         cuda=cuda, family=job.lobe_family,
     )  # fmt: skip
-    return Export(text, nodes.nbytes + energy.nbytes, model=tables)
+    return Export(signed(text), nodes.nbytes + energy.nbytes, model=tables)

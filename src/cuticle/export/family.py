@@ -8,7 +8,7 @@ from cuticle._support import validate
 from cuticle._support.version import __version__
 from cuticle.export.headers import amalgamate
 from cuticle.export.registry import Export, FamilyJob, host, host_names
-from cuticle.export.source import environment
+from cuticle.export.source import environment, signed
 from cuticle.scattering.bcsdf import REC709
 from cuticle.scattering.family_among import FAMILIES, FamilyAmong
 
@@ -45,4 +45,4 @@ def family_header(
         about=job.about, core=amalgamate([f"scattering/{'far_field' if job.among is None else 'far_among'}.h"]),
         version=__version__.split("."), weights=weights, colour=colour, among=job.among,
     )  # fmt: skip
-    return Export(text, 0 if job.among is None else 4 * sum(x.size for x in job.among.around[:3]))
+    return Export(signed(text), 0 if job.among is None else 4 * sum(x.size for x in job.among.around[:3]))

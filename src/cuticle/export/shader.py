@@ -15,7 +15,7 @@ from cuticle.export.formulas import FLOAT, Printer, Vector, headers, print_formu
 from cuticle.export.formulas.tree import BOOL, Record, Type
 from cuticle.export.literals import single
 from cuticle.export.registry import Export, Job, Tables
-from cuticle.export.source import environment
+from cuticle.export.source import environment, signed
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.compact_table import FunctionTable
 from cuticle.scattering.fibre_tables import ThroughTables
@@ -85,7 +85,7 @@ def shader(job: Job, dialect: Dialect, *, inline: bool = True) -> Export:
         texels=texels if inline else texels[:0], energy=sampler.energy[:2], texture_width=TEXTURE_WIDTH, FLOAT=FLOAT,
         float4=Vector("float", 4), functions=functions,
     )  # fmt: skip
-    return Export(file, texels.nbytes + sampler.energy.size * 4, data, tables)
+    return Export(signed(file), texels.nbytes + sampler.energy.size * 4, data, tables)
 
 
 def _lobe_values(job: Job, texels: NDArray[np.float32]) -> dict[str, object]:

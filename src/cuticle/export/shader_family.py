@@ -10,7 +10,7 @@ from cuticle.export.formulas import Printer, Vector, print_formulas
 from cuticle.export.formulas.tree import Record
 from cuticle.export.registry import Export, FamilyJob, Host
 from cuticle.export.shader import TEXTURE_WIDTH, Dialect, shader, texture_rows, through_table
-from cuticle.export.source import environment
+from cuticle.export.source import environment, signed
 from cuticle.scattering.bcsdf import REC709
 from cuticle.scattering.family_among import FamilyAmong
 from cuticle.scattering.mean_strands import MeanStrands
@@ -61,7 +61,7 @@ def family_shader(job: FamilyJob, dialect: Dialect) -> Export:
         ],
         functions=print_formulas(formulas, printer, externals=_EXTERNALS),
     )  # fmt: skip
-    return Export(text, edges.nbytes + middles.nbytes, data)
+    return Export(signed(text), edges.nbytes + middles.nbytes, data)
 
 
 def among_texels(around: MeanStrands) -> NDArray[np.float32]:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from cuticle._support.extras import needed
-from cuticle._support.files import read_bytes, read_text, reading, write_text
+from cuticle._support.files import read_bytes, read_text, reading, shown, write_text
 from cuticle._support.json_file import read_json
 from cuticle._support.plain_values import number
 from cuticle._support.version import __version__
@@ -57,7 +57,7 @@ def write_report(folder: str | os.PathLike[str]) -> Path:
         with reading(folder / name, "result", remedy=f"it is not what `{RESULTS[name]}` writes, make it again"):
             page[name.removesuffix(".json")] = views[name](data, folder)
     page["name"] = (found.get("document.json") or {}).get("name") or ""
-    page["missing"] = [{"name": n, "command": c.replace("DIR", str(folder))} for n, c in RESULTS.items() if n not in found]
+    page["missing"] = [{"name": n, "command": c.replace("DIR", shown(folder))} for n, c in RESULTS.items() if n not in found]
     page["densities"] = _densities(folder)
     with reading(folder, "the fibre in"):
         page["fibre"] = _fibre_rows(_fibre(found, folder))

@@ -213,12 +213,8 @@ class Family(Value):
                 beta_m=fibre.beta_m, beta_n=fibre.beta_n, alpha=fibre.alpha, eta=fibre.eta, sigma_a=fibre.absorption
             )
         if isinstance(fibre, Fibre) and self.form == "marschner":
-            named = {
-                f"{name}_{lobe}": x
-                for name, x_of in (("alpha", fibre.alpha), ("beta", fibre.beta))
-                for lobe, x in zip(("R", "TT", "TRT"), np.degrees(x_of).tolist(), strict=True)
-            }
-            return self.fibres(**named, beta_N=fibre.beta_N, eta=fibre.eta, sigma_a=fibre.absorption)
+            named = {name: x for name, x in fibre.values().items() if name in self.parameters}
+            return self.fibres(**named, sigma_a=fibre.absorption)
         wanted = "Chiang" if self.form == "chiang" else "Fibre"
         raise TypeError(f"fibre must be a cuticle.{wanted}, Fibres of {self.form!r}, or keywords; got {fibre!r}")
 

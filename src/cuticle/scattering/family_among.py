@@ -152,6 +152,7 @@ def family(form: str, among: Fibre | Chiang | None = None, *, d_f: float | None 
         if among is None:
             raise ValueError("the family 'dual_scattering' needs among, the mean fibre of the strands around")
         return FamilyAmong(among, d_f=d_f, d_b=d_b)
-    if among is not None:
-        raise ValueError(f"among is for the family 'dual_scattering'; {form!r} is of a strand on its own")
+    for name, given in (("among", among), ("d_f", d_f), ("d_b", d_b)):
+        if given is not None:
+            raise ValueError(f"{name} is for the family 'dual_scattering'; {form!r} is of a strand on its own")
     return Family(form)
