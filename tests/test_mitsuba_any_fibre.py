@@ -144,7 +144,10 @@ SIGMA_A = (0.1, 0.2, 0.3)
             for case in (
                 (CHIANG, [{"sigma_a.value": SIGMA_A}, {"eumelanin": 2.0}], CHIANG | {"eumelanin": 2.0}),
                 (CHIANG | {"beta_m": uniform(0.3)}, [{"beta_m.value": 0.5}], CHIANG | {"beta_m": 0.5}),
-                (COLOUR, [{"beta_n": 0.5}, {"sigma_a.value": SIGMA_A}, {"beta_n": 0.4}], COLOUR | {"beta_n": 0.4}),
+                (
+                    COLOUR, [{"beta_n": 0.5}, {"sigma_a.value": SIGMA_A}, {"beta_n": 0.4}],
+                    {"beta_m": 0.3, "beta_n": 0.4, "sigma_a": SIGMA_A},
+                ),
                 (COLOUR | {"beta_n": uniform(0.3)}, [{"beta_n.value": 0.5}], COLOUR | {"beta_n": 0.5}),
             )
         ),
