@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.special import i0e
 
-from cuticle import Chiang, Strands, _core, family, measure
+from cuticle import Chiang, Strands, family, measure
 from cuticle.scattering.longitudinal_mixtures import axis_and_variance, longitudinal_mixtures
 from cuticle.scattering.strand_transport import Directions
 from cuticle.scattering.through_strands import _solved, through_tables
@@ -37,8 +38,9 @@ def density(columns: Array, theta: Array = FINE) -> Array:
     """Of energy over theta_i, shape (..., theta)."""
     shares = np.append(columns[..., :2], 1 - columns[..., :2].sum(axis=-1, keepdims=True), axis=-1)
     axis, variance = columns[..., 2::2], columns[..., 3::2]
-    m, size = np.empty((*axis.shape, len(theta))), len(theta)
-    _core.energy_conserving_m(np.tile(theta, axis.size), np.repeat(axis, size), np.repeat(variance, size), m.reshape(-1))
+    k, axis = 1 / variance[..., None], axis[..., None]
+    x = k * np.cos(theta) * np.cos(axis)  # d'Eon 2011, Eq. 7, by SciPy's Bessel function
+    m = k * i0e(x) * np.exp(np.abs(x) + k * (np.sin(theta) * np.sin(axis) - 1)) / -np.expm1(-2 * k)
     return (shares[..., None] * m).sum(axis=-2) * np.cos(theta)
 
 

@@ -9,6 +9,7 @@ void bind_densities(nanobind::module_ &m);
 void bind_far_field(nanobind::module_ &m);
 void bind_fit(nanobind::module_ &m);
 void bind_groom(nanobind::module_ &m);
+void bind_longitudinal(nanobind::module_ &m);
 void bind_models(nanobind::module_ &m);
 void bind_sampler(nanobind::module_ &m);
 

@@ -369,15 +369,6 @@ void bind_models(nb::module_ &m) {
     nb::class_<Table>(m, "Table")
         .def(nb::init<const In<double> &, const In<double> &, const In<double> &, double, bool>())
         .def("eval", &Table::eval, release());
-    m.def(
-        "energy_conserving_m",
-        [](const In<double> &theta_i, const In<double> &cone, const In<double> &variance, Out<double> out) {
-            const auto t = broadcast(theta_i), c = broadcast(cone), v = broadcast(variance);
-            parallel_for(out.size(), 4096, [&](std::size_t begin, std::size_t end) {
-                for (std::size_t i = begin; i < end; ++i) out.data()[i] = cuticle::energy_conserving_m(t[i], c[i], v[i]);
-            });
-        },
-        release());
     m.def("rest_energies", &rest_energies, release());
     nb::class_<ChiangNear>(m, "ChiangNear")
         .def(nb::init<double, double, const In<double> &, const In<double> &, const In<double> &, const In<double> &>())

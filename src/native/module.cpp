@@ -29,6 +29,7 @@ NB_MODULE(CUTICLE_MODULE, m) {
     native::bind_far_field(m);
     native::bind_fit(m);
     native::bind_groom(m);
+    native::bind_longitudinal(m);
     native::bind_models(m);
     native::bind_sampler(m);
 }

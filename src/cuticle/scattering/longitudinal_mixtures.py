@@ -1,8 +1,7 @@
 """Three energy-conserving M's in place of one, for energies over theta_i: by expectation and maximisation.
 
-Light that other strands scattered has a peak for each of their lobes, and wider tails. Expectation and maximisation:
-Dempster, Laird and Rubin 1977. An M is the latitude of a von Mises-Fisher distribution of concentration k = 1/v, so that
-maximising is matching the mean values of sin theta_i and of its square.
+Light that other strands scattered has a peak for each of their lobes, and wider tails. The core has the steps
+(native/longitudinal.cpp); here is where they start from, and in what order.
 """
 
 from __future__ import annotations
@@ -29,13 +28,9 @@ _STEPS_ON = 8  # for each absorption and viewer that follows
 # The order of Rényi's divergence that is lowered. At 1, the likelihood's, tails of smooth dark fibres are lost: 1e-40 where
 # 1e-7 of the light is. Toward 2, ESS's own, tails draw the M's away from the peaks.
 _ORDER = 1.2
-_MOST = 1e40  # of energy over the mixture's
-_LEAST_SHARE = 1e-7
-_NONE = 1e-12  # of the light: an M with less stays as it is
-_NARROWEST = math.log(6 / math.radians(4) ** 2)  # ln k: as wide as a hat between rows, 4° apart; needles fit between them
-_UNREACHED = 1e-250  # where no M puts energy: the widest takes it
+_NARROWEST = math.radians(4) ** 2 / 6  # a variance: as wide as a hat between rows, 4° apart; needles fit between them
+_LEAST = 1e-250  # of light where there is none
 _DARK = math.exp(-230)  # the least energy that keeps its shape
-_LOG_K = math.log(0.05), math.log(1e5)
 
 
 def longitudinal_mixtures(
@@ -111,29 +106,24 @@ def _followed(
     """
     middle, among = len(viewers) // 2, share.shape[2] // 2
     here = share[middle]
-    single = np.stack(axis_and_variance(*_means(_sums(theta, here))))[..., None]
+    single = np.stack(axis_and_variance(here @ np.sin(theta), here @ np.sin(theta) ** 2))[..., None]
     found = np.empty((3, *share.shape[:-1], len(start[0])))
     of, count = found[:, middle], len(here)
     each = [slice(count)] if turned is None else [slice(k, k + 1) for k in reversed(range(count))]
     shares = np.full(of[0, each[0], among].shape, 1 / len(start[0]))
     mixture = _as_single(single[:, each[0], among], shares, *(np.broadcast_to(x, shares.shape) for x in start))
-    for _ in range(_SETTLED):
-        mixture = _nearer(theta, here[each[0], among], mixture, 1)
+    mixture = _nearer(theta, here[each[0], among], mixture, 1, _SETTLED)
     for k, before in zip(each, [each[0], *each], strict=False):
         if turned:
             mixture = _turned(mixture, single[:, before, among], single[:, k, among])
-        for _ in range(_STEPS):
-            mixture = _nearer(theta, here[k, among], mixture, _ORDER)
-        of[:, k, among] = mixture
+        of[:, k, among] = mixture = _nearer(theta, here[k, among], mixture, _ORDER, _STEPS)
     for a, before in _outward(among, here.shape[1]):
-        of[:, :, a] = _turned(of[:, :, before], single[:, :, before], single[:, :, a])
-        for _ in range(_STEPS_ON):
-            of[:, :, a] = _nearer(theta, here[:, a], of[:, :, a], _ORDER)
+        turned_on = _turned(of[:, :, before], single[:, :, before], single[:, :, a])
+        of[:, :, a] = _nearer(theta, here[:, a], turned_on, _ORDER, _STEPS_ON)
     for v, inner in _outward(middle, len(viewers)):
-        found[:, v] = found[:, inner]
-        found[1, v] = _inside(found[1, inner] - (viewers[v] - viewers[inner]))
-        for _ in range(_STEPS_ON):
-            found[:, v] = _nearer(theta, share[v], found[:, v], _ORDER)
+        shares, axes, variances = found[:, inner]
+        turned_on = np.stack([shares, _inside(axes - (viewers[v] - viewers[inner])), variances])
+        found[:, v] = _nearer(theta, share[v], turned_on, _ORDER, _STEPS_ON)
     return found
 
 
@@ -146,7 +136,7 @@ def _outward(first: int, count: int) -> Iterator[tuple[int, int]]:
 def _as_single(single: Array, share: Array, axis: Array, variance: Array) -> Array:
     """A mixture whose axes are in deviations of a single M from its own, and whose variances are out of that one's."""
     axes = _inside(single[0] + np.sqrt(single[1]) * axis)
-    return np.stack([share, axes, np.maximum(single[1] * variance, math.exp(-_NARROWEST))])
+    return np.stack([share, axes, np.maximum(single[1] * variance, _NARROWEST)])
 
 
 def _turned(mixture: Array, before: Array, single: Array) -> Array:
@@ -162,7 +152,7 @@ def _inside(theta: Array) -> Array:
 
 def _lost(theta: Array, share: Array, found: Array) -> Array:
     """1 - ESS, the mean over viewers."""
-    return np.asarray((1 - 1 / (share**2 / np.maximum(_summed(theta, found), _UNREACHED)).sum(axis=-1)).mean(axis=0), float)
+    return np.asarray((1 - 1 / (share**2 / np.maximum(_summed(theta, found), _LEAST)).sum(axis=-1)).mean(axis=0), float)
 
 
 def _summed(theta: Array, found: Array) -> Array:
@@ -174,84 +164,22 @@ def _summed(theta: Array, found: Array) -> Array:
 def axis_and_variance(first: Array, second: Array) -> tuple[Array, Array]:
     """Return the axis and the variance of the M with these mean values of sin theta_i and of its square.
 
-    M is the latitude of a von Mises-Fisher distribution of concentration k = 1/v about the axis, whose moments are known:
-    with A = coth k - 1/k, E[sin] = A sin(axis) and E[sin²] = A/k + (1 - 3 A/k) sin²(axis). Taken so, what the poles cut
-    off a lobe is not mistaken for a shift.
+    Taken from the known moments of an M, what the poles cut off a lobe is not mistaken for a shift.
     """
-    low, high = (np.full_like(first, x) for x in _LOG_K)
-    for _ in range(60):  # E[sin²] falls as the lobe narrows, for one mean
-        middle = 0.5 * (low + high)
-        sine, square = _of_concentration(np.exp(middle), first)
-        wide = (square > second) | (np.abs(sine) >= 1)
-        low, high = np.where(wide, middle, low), np.where(wide, high, middle)
-    k = np.exp(0.5 * (low + high))
-    return np.arcsin(_of_concentration(k, first)[0]), 1 / k
-
-
-def _of_concentration(k: Array, first: Array) -> tuple[Array, Array]:
-    """The sine of the axis and E[sin²] of the M of concentration k with this E[sin]."""
-    a = 1 / np.tanh(k) - 1 / k
-    sine = np.clip(first / a, -1, 1)
-    return sine, a / k + (1 - 3 * a / k) * sine**2
-
-
-def _sums(theta: Array, energy: Array) -> Array:
-    """Sums of energies, times sin theta, and times its square: shape (..., 3)."""
-    return energy @ np.sin(theta)[:, None] ** np.arange(3)
-
-
-def _means(sums: Array) -> tuple[Array, Array]:
-    """Mean values of sin theta and of its square, from `_sums`."""
-    weight = np.maximum(sums[..., 0], _NONE)
-    return sums[..., 1] / weight, sums[..., 2] / weight
+    axis, variance = np.empty((2, *np.shape(first)))
+    _core.axis_and_variance(np.ascontiguousarray(first), np.ascontiguousarray(second), axis, variance)
+    return axis, variance
 
 
 def m_in_rows(theta: Array, axis: Array, variance: Array) -> Array:
     """Return what the energy-conserving M puts into each row, out of 1, shape (..., rows)."""
-    rows = len(theta)
-    m = np.empty((*axis.shape, rows))
-    _core.energy_conserving_m(np.tile(theta, axis.size), np.repeat(axis, rows), np.repeat(variance, rows), m.reshape(-1))
-    m *= np.cos(theta)
-    m /= np.maximum(m.sum(axis=-1, keepdims=True), 1e-300)
+    m = np.empty((*np.shape(axis), len(theta)))
+    _core.m_in_rows(theta, np.ascontiguousarray(axis), np.ascontiguousarray(variance), m)
     return m
 
 
-def _nearer(theta: Array, energy: Array, mixture: Array, order: float) -> Array:
-    """Shares, axes and variances of mixtures, (3, ..., M's), after a step nearer to energies out of 1."""
-    share, axis, variance = mixture
-    of_each = share[..., None] * m_in_rows(theta, axis, variance)
-    whole = of_each.sum(axis=-2)
-    reached = whole > _UNREACHED
-    over = np.minimum(energy / np.maximum(whole, _UNREACHED), _MOST) ** (order - 1)
-    weighed = energy * over
-    weighed /= weighed.sum(axis=-1, keepdims=True)
-    belongs = of_each * np.where(reached, weighed / np.maximum(whole, _UNREACHED), 0)[..., None, :]
-    if not reached.all():
-        widest = np.arange(share.shape[-1]) == variance.argmax(axis=-1)[..., None]
-        belongs += widest[..., None] * np.where(reached, 0, weighed)[..., None, :]
-    sums = _sums(theta, belongs)
-    weight, means = sums[..., 0], _means(sums)
-    new_axis, new_variance = _closer(variance, *means)
-    some = weight > _NONE
-    weight = np.maximum(weight, _LEAST_SHARE)
-    return np.stack(
-        [weight / weight.sum(axis=-1, keepdims=True), np.where(some, new_axis, axis), np.where(some, new_variance, variance)]
-    )
-
-
-def _closer(variance: Array, first: Array, second: Array) -> tuple[Array, Array]:
-    """Two of Newton's steps toward the axis and variance that `axis_and_variance` bisects for.
-
-    Below coth k - 1/k = |E[sin]| there is no M. k is held where it is, by the approximation of Banerjee et al. 2005, at most
-    5 % above.
-    """
-    r = np.minimum(np.abs(first), 1 - 1e-9)
-    low = np.clip(np.log(np.maximum(r * (3 - r**2) / (1 - r**2), 1e-9)), *_LOG_K)
-    log_k, step = -np.log(variance), 1e-4
-    for _ in range(2):
-        log_k = np.maximum(log_k, low)
-        square, further = (_of_concentration(np.exp(x), first)[1] for x in (log_k, log_k + step))
-        slope = np.minimum((further - square) / step, -1e-9)
-        log_k = np.clip(log_k - np.clip((square - second) / slope, -1, 1), low, _LOG_K[1])
-    k = np.exp(np.minimum(log_k, _NARROWEST))
-    return np.arcsin(_of_concentration(k, first)[0]), 1 / k
+def _nearer(theta: Array, energy: Array, mixture: Array, order: float, steps: int) -> Array:
+    """Shares, axes and variances of mixtures, (3, ..., M's), after some steps nearer to energies out of 1."""
+    found = np.array(mixture, order="C")
+    _core.nearer_mixtures(theta, np.ascontiguousarray(energy), order, steps, _NARROWEST, found)
+    return found
