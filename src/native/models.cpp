@@ -25,15 +25,18 @@ void azimuthal_tables(double eta, const In<double> &sigma_a, bool logistic, doub
     const auto form = logistic ? cuticle::Azimuthal::logistic : cuticle::Azimuthal::normal;
     const auto rows = direct.shape(0), columns = direct.shape(1), channels = sigma_a.size();
     const int n = static_cast<int>(columns) - 1;
+    std::vector<double> kernel(2 * columns);
+    const int reach = cuticle::smoothing_kernel(form, beta_n, n, kernel.data());
     parallel_for(rows, 1, [&](std::size_t begin, std::size_t end) {
-        std::vector<double> circle(4 * columns), kernel(2 * columns), row(columns), wide(columns);
+        std::vector<double> circle(4 * columns), row(columns), wide(columns);
+        std::vector<cuticle::OffsetCell<double>> cells(offsets);
         for (std::size_t i = begin; i < end; ++i) {
-            const double theta_d = row_inclination(i, rows);
+            cuticle::offset_cells(row_inclination(i, rows), eta, offsets, cells.data());
             for (int p = 0; p < lobe_count; ++p)
                 for (std::size_t c = 0; c < channels; ++c) {
                     if (p > 0 || c == 0) {  // R does not see the absorption
-                        cuticle::azimuthal_row(p, theta_d, eta, sigma_a.data()[c], form, beta_n, closed, n, offsets,
-                                               circle.data(), kernel.data(), row.data());
+                        cuticle::azimuthal_row(p, cells.data(), offsets, sigma_a.data()[c], closed, n, kernel.data(), reach,
+                                               circle.data(), row.data());
                         cuticle::spread_row(row.data(), n, wide.data());
                     }
                     for (std::size_t j = 0; j < columns; ++j) {
@@ -54,15 +57,14 @@ void azimuthal_tables(double eta, const In<double> &sigma_a, bool logistic, doub
 void rest_energies(double eta, const In<double> &sigma_a, int offsets, Out<double> out) {
     const auto rows = out.shape(0), channels = out.shape(1);
     parallel_for(rows, 8, [&](std::size_t begin, std::size_t end) {
+        std::vector<cuticle::OffsetCell<double>> cells(offsets);
         for (std::size_t i = begin; i < end; ++i) {
-            const double theta_d = row_inclination(i, rows), sine = std::sin(theta_d), cosine = std::cos(theta_d);
-            for (std::size_t c = 0; c < channels; ++c) out.data()[i * channels + c] = 0;
-            for (int j = 0; j < offsets; ++j) {  // even in h; h = sin gamma
-                const double step = cuticle::half_pi<double> / offsets, gamma = step * (j + .5);
-                const auto ray = cuticle::cross_section(gamma, sine, cosine, eta);
-                const double dh = std::sin(step * (j + 1)) - std::sin(step * j);
-                for (std::size_t c = 0; c < channels; ++c)
-                    out.data()[i * channels + c] += dh * cuticle::attenuation(3, ray, sigma_a.data()[c], false);
+            cuticle::offset_cells(row_inclination(i, rows), eta, offsets, cells.data());
+            for (std::size_t c = 0; c < channels; ++c) {
+                double sum = 0;
+                for (const auto &cell : cells)
+                    sum += cell.width * cuticle::attenuation(3, cell.middle, sigma_a.data()[c], false);
+                out.data()[i * channels + c] = sum;
             }
         }
     });

@@ -152,7 +152,9 @@ template <class F, class S, class M> struct Use {
         const auto at = locate(table, x, y);
         const AbsorptionRange<S> range{S(.1), S(1.2), 0, 9};
         if constexpr (std::is_arithmetic_v<F>) {
-            azimuthal_row(1, x, y, z, Azimuthal::normal, x, false, 8, 9, out, out, out);
+            OffsetCell<F> cells[9];
+            offset_cells(x, y, 9, cells);
+            azimuthal_row(1, cells, 9, z, false, 8, out, smoothing_kernel(Azimuthal::normal, x, 8, out), out, out);
             spread_row(out, 8, out);
             out[0] = half_energies(out, 8).forward;
         }

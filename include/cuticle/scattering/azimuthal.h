@@ -30,32 +30,27 @@ template <class Float> void deposit(Float a, Float b, Float mass, Float *circle,
     }
 }
 
-// One lobe's row for one absorption: out[j] = N_p at phi = j pi / n, j = 0 … n, per radian; n even. `beta_n` is D's
-// deviation. `circle` and `kernel` are scratch of 4 n and 2 n values.
-template <class Float>
-void azimuthal_row(int p, Float theta_d, Float eta, Float sigma_a, Azimuthal form, Float beta_n, bool closed, int n,
-                   int offsets, Float *circle, Float *kernel, Float *out) {
+// A cell of the offset h >= 0: rays at its outer edge and in its middle, and its width in h.
+template <class Float> struct OffsetCell {
+    CrossSection<Float> edge, middle;
+    Float width;
+};
+// All cells at one theta_d. h = sin gamma, gamma even: fine where Fresnel's term turns steep.
+template <class Float> void offset_cells(Float theta_d, Float eta, int count, OffsetCell<Float> *cells) {
+    const Float cos_d = math::cos(theta_d), sin_d = math::sin(theta_d), step = half_pi<Float> / Float(count);
+    for (int j = 0; j < count; ++j) {
+        const Float inner = step * Float(j), outer = step * Float(j + 1);
+        cells[j] = {cross_section(outer, sin_d, cos_d, eta),
+                    cross_section(Float(Float(.5) * (inner + outer)), sin_d, cos_d, eta),
+                    math::sin(outer) - math::sin(inner)};
+    }
+}
+
+// D over 2 n bins of the circle, per bin, of deviation `beta_n`. Returns the distance in bins beyond which it is nothing.
+template <class Float> int smoothing_kernel(Azimuthal form, Float beta_n, int n, Float *kernel) {
     const int bins = 2 * n;
     const Float step = Float(2) * pi<Float> / Float(bins);
-    const Float cos_d = math::cos(theta_d), sin_d = math::sin(theta_d);
-    for (int m = 0; m < bins; ++m) circle[m] = Float(0);
-    // h = sin gamma, gamma even: fine where Fresnel's term turns steep. By symmetry only h >= 0.
-    Float before = exit_azimuth(p, cross_section(Float(0), sin_d, cos_d, eta));
-    for (int j = 0; j < offsets; ++j) {
-        const Float g0 = half_pi<Float> * Float(j) / Float(offsets), g1 = half_pi<Float> * Float(j + 1) / Float(offsets);
-        const Float after = exit_azimuth(p, cross_section(g1, sin_d, cos_d, eta));
-        const CrossSection<Float> middle = cross_section(Float(Float(.5) * (g0 + g1)), sin_d, cos_d, eta);
-        const Float dh = math::sin(g1) - math::sin(g0);
-        deposit(before, after, attenuation(p, middle, sigma_a, closed) * dh, circle, bins);
-        before = after;
-    }
-    for (int m = 0; m <= n; ++m) {  // h and -h leave at phi and -phi
-        const int other = (bins - m) % bins;
-        circle[m] = circle[other] = Float(.5) * (circle[m] + circle[other]);
-    }
-    for (int m = 0; m < bins; ++m) circle[bins + m] = circle[m];
-
-    // D's variance, minus what the bins (step²/12) and the table's linear interpolation (step²/6) add.
+    // Its variance, minus what the bins (step²/12) and the table's linear interpolation (step²/6) add.
     const Float variance = math::max(Float(beta_n * beta_n - step * step * Float(.25)), Float(Float(.5) * beta_n * beta_n));
     Float total = Float(0);
     for (int m = 0; m < bins; ++m) {
@@ -70,11 +65,32 @@ void azimuthal_row(int p, Float theta_d, Float eta, Float sigma_a, Azimuthal for
     }
     int reach = 1;
     while (reach < n && kernel[reach] > Float(1e-9) * kernel[0]) ++reach;
+    for (int m = 0; m < bins; ++m) kernel[m] = kernel[m] / (total * step);
+    return reach;
+}
+
+// One lobe's row for one absorption, from the cells at its theta_d: out[j] = N_p at phi = j pi / n, j = 0 … n, per radian; n
+// even. `kernel` and `reach`: smoothing_kernel's. `circle` is scratch of 4 n values.
+template <class Float>
+void azimuthal_row(int p, const OffsetCell<Float> *cells, int count, Float sigma_a, bool closed, int n, const Float *kernel,
+                   int reach, Float *circle, Float *out) {
+    const int bins = 2 * n;
+    for (int m = 0; m < bins; ++m) circle[m] = Float(0);
+    Float before = Float(p) * pi<Float>;  // h = 0
+    for (int j = 0; j < count; ++j) {
+        const Float after = exit_azimuth(p, cells[j].edge);
+        deposit(before, after, attenuation(p, cells[j].middle, sigma_a, closed) * cells[j].width, circle, bins);
+        before = after;
+    }
+    for (int m = 0; m <= n; ++m) {  // h and -h leave at phi and -phi
+        const int other = (bins - m) % bins;
+        circle[m] = circle[other] = Float(.5) * (circle[m] + circle[other]);
+    }
+    for (int m = 0; m < bins; ++m) circle[bins + m] = circle[m];
     for (int j = 0; j <= n; ++j) out[j] = Float(0);
     for (int d = -reach; d < reach; ++d) {
-        const Float weight = kernel[d < 0 ? d + bins : d] / (total * step);
-        const Float *from = circle + (d < 0 ? d + bins : d);
-        for (int j = 0; j <= n; ++j) out[j] += weight * from[j];
+        const int bin = d < 0 ? d + bins : d;
+        for (int j = 0; j <= n; ++j) out[j] += kernel[bin] * circle[bin + j];
     }
 }
 
