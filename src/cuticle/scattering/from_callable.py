@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cuticle._support import validate
-from cuticle._support.progress import Progress
+from cuticle._support.progress import Progress, silent
 from cuticle._support.values import Value
 from cuticle.scattering.bcsdf import Plotted
 from cuticle.scattering.tabulated import Tabulated
@@ -117,7 +117,7 @@ def from_callable(
         )
     if vectorised and repeats == 1:
         return Function(function, even)
-    return _tabulate(function, ask, even, repeats, sizes, progress or (lambda phase, fraction: None))
+    return _tabulate(function, ask, even, repeats, sizes, progress or silent)
 
 
 def _tabulate(

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from cuticle._support import validate
 from cuticle._support.backends import check_backend, has_llvm
 from cuticle._support.extras import needed
-from cuticle._support.progress import Progress
+from cuticle._support.progress import Progress, silent
 from cuticle._support.quadrature import gauss_legendre
 from cuticle._support.values import Value
 from cuticle.scattering import conventions
@@ -211,7 +211,7 @@ def from_mitsuba(
         )
     if h is not None:
         return MitsubaBsdf(loaded, variant, h, given)
-    report = progress or (lambda phase, fraction: None)
+    report = progress or silent
     gamma, weight = gauss_legendre(np.array([-np.pi / 2, np.pi / 2]), OFFSETS)
     theta_r = np.linspace(-np.pi / 2, np.pi / 2, grid[0]) * 0.995
     theta_i = np.linspace(-np.pi / 2, np.pi / 2, grid[1]) * 0.999
