@@ -1,31 +1,16 @@
 // Times samplers against a calibration kernel, or tells the densities of one: see alternatives.py, which writes the input.
 #include "alternatives.h"
+#include "timing.h"
 
-#include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <functional>
 #include <random>
 #include <string>
 
 namespace {
 
-using Clock = std::chrono::steady_clock;
 constexpr std::size_t inputs = 65536;  // a wavefront: small ones would time the caches that the case before left
-
-struct Reader {
-    std::FILE *file;
-    template <class T> std::vector<T> array(std::size_t n) {
-        std::vector<T> v(n);
-        if (n && std::fread(v.data(), sizeof(T), n, file) != n) {
-            std::fprintf(stderr, "alternatives: input ends early\n");
-            std::exit(2);
-        }
-        return v;
-    }
-    int integer() { return array<int>(1)[0]; }
-};
 
 template <class T> std::vector<T> uniform(std::mt19937 &rng, double lo, double hi) {
     std::uniform_real_distribution<double> d(lo, hi);
@@ -42,33 +27,23 @@ template <class T> struct Inputs {
     }
 };
 
-struct Case {
-    std::string name;
-    std::function<double()> pass;  // over all inputs
-    std::vector<double> nanoseconds;
-};
-
 // Any sampler's pdf and sample, one by one.
 template <class T, class Sampler>
-void add(std::vector<Case> &cases, const std::string &name, const Inputs<T> &in, const Sampler &sampler) {
-    cases.push_back({name + " pdf",
-                     [&in, sampler] {
+void add(std::vector<timing::Case> &cases, const std::string &name, const Inputs<T> &in, const Sampler &sampler) {
+    cases.push_back({name + " pdf", [&in, sampler] {
                          T sum = 0;
                          for (std::size_t i = 0; i < inputs; ++i)
                              sum += sampler.pdf(in.theta_i[i], in.theta_r[i], in.phi[i]);
                          return double(sum);
-                     },
-                     {}});
-    cases.push_back({name + " sample",
-                     [&in, sampler] {
+                     }});
+    cases.push_back({name + " sample", [&in, sampler] {
                          T sum = 0;
                          for (std::size_t i = 0; i < inputs; ++i) {
                              const auto s = sampler.sample(in.theta_r[i], in.u[0][i], in.u[1][i], in.u[2][i], in.u[3][i]);
                              sum += s.theta_i + s.phi + s.pdf;
                          }
                          return double(sum);
-                     },
-                     {}});
+                     }});
 }
 
 template <class T, int K> struct Fitted {
@@ -94,68 +69,54 @@ template <class T, int K> cuticle::LobeTable<T, K> view(const Lobes &l) {
 }
 
 template <int K>
-void add_fitted(std::vector<Case> &cases, const Lobes &l, Inputs<float> &f, Inputs<double> &d, const std::string &suffix,
-                float strands) {
+void add_fitted(std::vector<timing::Case> &cases, const Lobes &l, Inputs<float> &f, Inputs<double> &d,
+                const std::string &suffix, float strands) {
     const std::string name = "K=" + std::to_string(K) + suffix;
     add(cases, name + " float", f, Fitted<float, K>{view<float, K>(l), strands});
     add(cases, name + " double", d, Fitted<double, K>{view<double, K>(l), double(strands)});
     const auto table = view<float, K>(l);
-    cases.push_back({name + " batch pdf",
-                     [&f, table, strands] {
+    cases.push_back({name + " batch pdf", [&f, table, strands] {
                          cuticle::pdf_batch(table, inputs, f.theta_i.data(), f.theta_r.data(), f.phi.data(), &strands, false,
                                             f.out[0].data());
                          return double(f.out[0][7]);
-                     },
-                     {}});
-    cases.push_back({name + " batch sample",
-                     [&f, table, strands] {
+                     }});
+    cases.push_back({name + " batch sample", [&f, table, strands] {
                          cuticle::sample_batch(table, inputs, f.theta_r.data(), f.u[0].data(), f.u[1].data(), f.u[2].data(),
                                                &strands, false, f.out[0].data(), f.out[1].data(), f.out[2].data());
                          return double(f.out[0][7]);
-                     },
-                     {}});
+                     }});
     if (l.rows > 1) {  // a number of strands each, whole ones from 0 to 8
         std::vector<float> counts(f.u[3]);
         for (float &n : counts) n = std::floor(9 * n);
-        cases.push_back({name + " each pdf",
-                         [&f, table, counts] {
+        cases.push_back({name + " each pdf", [&f, table, counts] {
                              cuticle::pdf_batch(table, inputs, f.theta_i.data(), f.theta_r.data(), f.phi.data(),
                                                 counts.data(), true, f.out[0].data());
                              return double(f.out[0][7]);
-                         },
-                         {}});
-        cases.push_back({name + " each sample",
-                         [&f, table, counts] {
+                         }});
+        cases.push_back({name + " each sample", [&f, table, counts] {
                              cuticle::sample_batch(table, inputs, f.theta_r.data(), f.u[0].data(), f.u[1].data(),
                                                    f.u[2].data(), counts.data(), true, f.out[0].data(), f.out[1].data(),
                                                    f.out[2].data());
                              return double(f.out[0][7]);
-                         },
-                         {}});
+                         }});
     }
     // One viewer for all directions: lights around one shading point.
-    cases.push_back({name + " prepared pdf",
-                     [&f, table, strands] {
+    cases.push_back({name + " prepared pdf", [&f, table, strands] {
                          const auto once = cuticle::prepare(table, .5f, strands);
                          float sum = 0;
                          for (std::size_t i = 0; i < inputs; ++i) sum += once.pdf(f.theta_i[i], f.phi[i]);
                          return double(sum);
-                     },
-                     {}});
-    cases.push_back({name + " viewer pdf",
-                     [&f, table, strands] {
+                     }});
+    cases.push_back({name + " viewer pdf", [&f, table, strands] {
                          cuticle::pdf_batch(cuticle::prepare(table, .5f, strands), inputs, f.theta_i.data(), f.phi.data(),
                                             f.out[0].data());
                          return double(f.out[0][7]);
-                     },
-                     {}});
-    cases.push_back({name + " viewer sample",
-                     [&f, table, strands] {
+                     }});
+    cases.push_back({name + " viewer sample", [&f, table, strands] {
                          cuticle::sample_batch(cuticle::prepare(table, .5f, strands), inputs, f.u[0].data(), f.u[1].data(),
                                                f.u[2].data(), f.out[0].data(), f.out[1].data(), f.out[2].data());
                          return double(f.out[0][7]);
-                     },
-                     {}});
+                     }});
 }
 
 }  // namespace
@@ -165,14 +126,10 @@ int main(int argc, char **argv) {
         std::fprintf(stderr, "usage: alternatives INPUT (time ROUNDS | pdf NAME POINTS OUT)\n");
         return 2;
     }
-    Reader reader{std::fopen(argv[1], "rb")};
-    if (!reader.file) {
-        std::fprintf(stderr, "alternatives: cannot open %s\n", argv[1]);
-        return 2;
-    }
+    timing::Reader reader{argv[1]};
     alternatives::FibreLobes fibre{};
-    for (float &x : fibre.alpha) x = reader.array<float>(1)[0];
-    for (float &x : fibre.beta) x = reader.array<float>(1)[0];
+    for (float &x : fibre.alpha) x = reader.real();
+    for (float &x : fibre.beta) x = reader.real();
     fibre.conserving = reader.integer() != 0;
     fibre.rows = reader.integer();
     fibre.columns = reader.integer();
@@ -219,16 +176,14 @@ int main(int argc, char **argv) {
         l.energy_f.assign(l.energy.begin(), l.energy.end());
         l.strands_f.assign(l.strands.begin(), l.strands.end());
     }
-    std::vector<Case> cases;
-    cases.push_back({"calibration",
-                     [&f] {
+    std::vector<timing::Case> cases;
+    cases.push_back({"calibration", [&f] {
                          float sum = 0;
                          for (std::size_t i = 0; i < inputs; ++i)
                              for (std::size_t k = 0; k < 16; ++k)
                                  sum += std::exp(f.theta_i[(i + k) & (inputs - 1)] - f.u[0][i]);
                          return double(sum);
-                     },
-                     {}});
+                     }});
     add(cases, "uniform", f, alternatives::Uniform{});
     // Through pointers: a copy of the tables a case would measure the cache.
     struct Reference {
@@ -256,18 +211,7 @@ int main(int argc, char **argv) {
         if (l.lobes == 8) add_fitted<8>(cases, l, f, d, suffix, strands);
         if (l.lobes == 16) add_fitted<16>(cases, l, f, d, suffix, strands);
     }
-    const int rounds = std::atoi(argv[3]);
-    volatile double sink = 0;
-    for (int round = 0; round < rounds; ++round)
-        for (Case &c : cases) {
-#ifdef __AVX__
-            // GCC 12 leaves d'Eon's sample with the registers' upper halves in use, which slows libm's erf twentyfold.
-            __builtin_ia32_vzeroupper();
-#endif
-            const auto start = Clock::now();
-            sink = sink + c.pass();
-            c.nanoseconds.push_back(std::chrono::duration<double, std::nano>(Clock::now() - start).count() / double(inputs));
-        }
+    timing::time_all(cases, std::atoi(argv[3]), double(inputs));
     // Do the alternatives draw what they say? The mean of a function over samples, to set beside its integral over the
     // density.
     std::printf("{\n");
@@ -284,12 +228,6 @@ int main(int argc, char **argv) {
     };
     mean("d'Eon", fibre);
     mean("table", table);
-    for (std::size_t i = 0; i < cases.size(); ++i) {
-        auto &t = cases[i].nanoseconds;
-        const auto middle = t.begin() + std::ptrdiff_t(t.size() / 2);
-        std::nth_element(t.begin(), middle, t.end());
-        std::printf("  \"%s\": %.4f%s\n", cases[i].name.c_str(), *middle, i + 1 < cases.size() ? "," : "");
-    }
-    std::printf("}\n");
+    timing::print_medians(cases);
     return 0;
 }

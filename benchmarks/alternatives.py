@@ -12,8 +12,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -25,13 +23,14 @@ from numpy.typing import NDArray
 from rich import box
 from rich.console import Console
 from rich.table import Table
+from scipy.integrate import cumulative_trapezoid
 
 import cuticle
+from compiled import compiled
 from cuticle.fitting.costs import traced_cost
 from cuticle.sampling.quality import MEASURED_AT, UniformSphere, measure
 from cuticle.scattering.bcsdf import luminance
 
-ROOT = Path(__file__).parents[1]
 LOBES = (1, 2, 4, 8, 16)
 VIEWERS, THETAS, PHIS = 25, 64, 128
 PATH_COST = traced_cost(0) - traced_cost(0, path=0)  # kernels to trace and shade one ray: an assumption
@@ -47,7 +46,7 @@ def write_input(path: Path, model: cuticle.Marschner, samplers: list[cuticle.Sam
     """Write what alternatives.cpp reads; return the bytes of each alternative's tables."""
     n = np.moveaxis(luminance(np.asarray(model.tables.direct)), 2, 0)  # (lobes, rows, columns)
     step = np.pi / (n.shape[2] - 1)
-    sums = np.concatenate([np.zeros((*n.shape[:2], 1)), np.cumsum(0.5 * step * (n[..., 1:] + n[..., :-1]), axis=2)], axis=2)
+    sums = cumulative_trapezoid(n, dx=step, axis=2, initial=0)
     viewers = np.clip(np.linspace(-np.pi / 2, np.pi / 2, VIEWERS), -1.56, 1.56)
     mass = np.array([_cells(model, float(t)) for t in viewers])
     rows, columns = np.cumsum(mass.sum(axis=2), axis=1), np.cumsum(mass / mass.sum(axis=2, keepdims=True), axis=2)
@@ -114,13 +113,8 @@ def run(name: str, rounds: int, march: str) -> dict[str, object]:
     fits = {k: cuticle.fit(model, k) for k in LOBES}
     samplers = [f.sampler for f in fits.values()]
     dual = cuticle.fit(cuticle.DualScattering(cuticle.Fibre.preset(name)), 4, strands=(0, 1, 2, 4, 8)).sampler
-    compiler = os.environ.get("CXX") or shutil.which("g++") or shutil.which("c++")
-    if compiler is None:
-        sys.exit("this needs a C++ compiler; set CXX")
     with tempfile.TemporaryDirectory() as folder:
-        program, data = Path(folder) / "alternatives", Path(folder) / "input"
-        flags = ["-std=c++17", "-O3", f"-march={march}", f"-I{ROOT / 'include'}"]
-        subprocess.run([compiler, *flags, str(ROOT / "benchmarks/alternatives.cpp"), "-o", str(program)], check=True)
+        program, data = compiled("alternatives", folder, f"-march={march}"), Path(folder) / "input"
         memory = write_input(data, model, [*samplers, dual])
         done = subprocess.run([str(program), str(data), "time", str(rounds)], check=True, capture_output=True, text=True)
         costs = json.loads(done.stdout)

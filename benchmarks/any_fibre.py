@@ -15,8 +15,6 @@ N`: whether samples of N fibres a family, a million of each, follow their densit
 from __future__ import annotations
 
 import argparse
-import os
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -28,6 +26,7 @@ from rich.console import Console
 from rich.progress import track
 
 import cuticle
+from compiled import compiled
 from cuticle import _core
 from cuticle._support.files import write_bytes
 from cuticle._support.quadrature import gauss_legendre
@@ -36,7 +35,6 @@ from cuticle.cli.tables import table
 from cuticle.scattering.among_strands import _Energies
 from cuticle.scattering.bcsdf import luminance_weights
 
-ROOT = Path(__file__).parents[1]
 LOWEST = 4  # ESS through strands that are measured again
 GAMMA, WEIGHT = gauss_legendre(np.array([-np.pi / 2, np.pi / 2]), 64)
 out = Console() if sys.stdout.isatty() else Console(width=118)
@@ -338,13 +336,8 @@ def picture(found: dict[str, list[float]], path: Path) -> None:
 
 def costs() -> None:
     """Print the table of costs."""
-    compiler = os.environ.get("CXX") or shutil.which("g++") or shutil.which("c++")
-    if compiler is None:
-        sys.exit("this needs a C++ compiler; set CXX")
     with tempfile.TemporaryDirectory() as folder:
-        program = Path(folder) / "any_fibre"
-        flags = ["-std=c++17", "-O3", "-march=native", "-fno-math-errno", f"-I{ROOT / 'include'}"]
-        subprocess.run([compiler, *flags, str(ROOT / "benchmarks/any_fibre.cpp"), "-o", str(program)], check=True)
+        program = compiled("any_fibre", folder, "-march=native", "-fno-math-errno")
         lines = subprocess.run([program], capture_output=True, text=True, check=True).stdout.splitlines()
     times = {name: float(value) for name, value in (line.split("\t") for line in lines)}
     unit = times["calibration"]

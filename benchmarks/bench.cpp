@@ -2,17 +2,16 @@
 // expf calls on varying inputs) timed in the same rounds. bench.py writes the input, compiles and runs this, for one family
 // of lobes.
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <functional>
 #include <random>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "cuticle/cuticle.h"
+#include "timing.h"
 
 #ifndef BENCH_FAMILY
 #define BENCH_FAMILY NormalLobes
@@ -21,7 +20,6 @@
 namespace {
 
 template <int K> using Lobes = cuticle::LobeTable<float, K, const float *, cuticle::BENCH_FAMILY>;
-using Clock = std::chrono::steady_clock;
 constexpr int inputs = 4096;
 constexpr std::size_t bulk = 10'000'000;
 
@@ -36,26 +34,6 @@ std::vector<float> uniform(std::mt19937 &rng, float lo, float hi) {
     return v;
 }
 
-struct Reader {
-    std::FILE *file;
-    template <class T> std::vector<T> array(std::size_t n) {
-        std::vector<T> v(n);
-        if (n && std::fread(v.data(), sizeof(T), n, file) != n) {
-            std::fprintf(stderr, "bench: input ends early\n");
-            std::exit(2);
-        }
-        return v;
-    }
-    int integer() { return array<int>(1)[0]; }
-    float real() { return array<float>(1)[0]; }
-};
-
-struct Case {
-    std::string name;
-    std::function<float()> body;  // one pass over all inputs
-    std::vector<double> nanoseconds;
-};
-
 struct TableData {
     int lobes, rows, theta_nodes;
     bool even;
@@ -63,38 +41,33 @@ struct TableData {
 };
 
 template <int K>
-void add_sampler(std::vector<Case> &cases, const std::string &label, const TableData &data, const Inputs &in,
+void add_sampler(std::vector<timing::Case> &cases, const std::string &label, const TableData &data, const Inputs &in,
                  float strands) {
     const Lobes<K> table{data.nodes.data(), data.energy.data(), data.strands.data(), data.rows, data.theta_nodes, data.even};
-    cases.push_back({label + " pdf",
-                     [=, &in] {
+    cases.push_back({label + " pdf", [=, &in] {
                          float sum = 0;
                          for (int i = 0; i < inputs; ++i)
                              sum += cuticle::pdf(table, in.theta_i[i], in.theta_r[i], in.phi[i], strands);
                          return sum;
-                     },
-                     {}});
-    cases.push_back({label + " sample",
-                     [=, &in] {
+                     }});
+    cases.push_back({label + " sample", [=, &in] {
                          float sum = 0;
                          for (int i = 0; i < inputs; ++i) {
                              const auto s = cuticle::sample(table, in.theta_r[i], in.u0[i], in.u1[i], in.u2[i], strands);
                              sum += s.theta_i + s.phi + s.pdf;
                          }
                          return sum;
-                     },
-                     {}});
+                     }});
     const auto once = cuticle::prepare(table, .5f, strands);
-    cases.push_back({label + " pdf, prepared",
-                     [=, &in] {
+    cases.push_back({label + " pdf, prepared", [=, &in] {
                          float sum = 0;
                          for (int i = 0; i < inputs; ++i) sum += once.pdf(in.theta_i[i], in.phi[i]);
                          return sum;
-                     },
-                     {}});
+                     }});
 }
 
-void add_table(std::vector<Case> &cases, const std::string &label, const TableData &data, const Inputs &in, float strands) {
+void add_table(std::vector<timing::Case> &cases, const std::string &label, const TableData &data, const Inputs &in,
+               float strands) {
     switch (data.lobes) {
         case 1:
             return add_sampler<1>(cases, label, data, in, strands);
@@ -119,32 +92,23 @@ int main(int argc, char **argv) {
         std::fprintf(stderr, "usage: bench INPUT ROUNDS\n");
         return 2;
     }
-    Reader reader{std::fopen(argv[1], "rb")};
-    if (!reader.file) {
-        std::fprintf(stderr, "bench: cannot open %s\n", argv[1]);
-        return 2;
-    }
-    const int rounds = std::atoi(argv[2]);
+    timing::Reader reader{argv[1]};
     std::mt19937 rng(7);
     const Inputs in{uniform(rng, -1.5f, 1.5f), uniform(rng, -1.5f, 1.5f), uniform(rng, -3.14f, 3.14f),
                     uniform(rng, 0, 1),        uniform(rng, 0, 1),        uniform(rng, 0, 1)};
-    std::vector<Case> cases;
-    cases.push_back({"calibration",
-                     [&in] {
+    std::vector<timing::Case> cases;
+    cases.push_back({"calibration", [&in] {
                          float sum = 0;
                          for (int i = 0; i < inputs; ++i)
                              for (int k = 0; k < 16; ++k) sum += std::exp(in.theta_i[(i + k) & (inputs - 1)] - in.u0[i]);
                          return sum;
-                     },
-                     {}});
-    cases.push_back({"uniform sphere sample",
-                     [&in] {
+                     }});
+    cases.push_back({"uniform sphere sample", [&in] {
                          float sum = 0;
                          for (int i = 0; i < inputs; ++i)
                              sum += std::asin(2 * in.u1[i] - 1) + cuticle::pi<float> * (2 * in.u2[i] - 1) + .0795774715f;
                          return sum;
-                     },
-                     {}});
+                     }});
 
     std::vector<TableData> tables(static_cast<std::size_t>(reader.integer()));
     for (TableData &t : tables) {
@@ -184,8 +148,7 @@ int main(int argc, char **argv) {
     model.d_f = reader.real();
     model.d_b = reader.real();
     for (const float strands : {0.f, 2.f})
-        cases.push_back({"eval, " + std::string(strands > 0 ? "2 strands" : "direct"),
-                         [&in, &model, strands] {
+        cases.push_back({"eval, " + std::string(strands > 0 ? "2 strands" : "direct"), [&in, &model, strands] {
                              float sum = 0, f[32];
                              cuticle::AzimuthalTerms<float> terms[32];
                              const auto around = cuticle::counted(strands);
@@ -196,8 +159,7 @@ int main(int argc, char **argv) {
                                  sum += f[0];
                              }
                              return sum;
-                         },
-                         {}});
+                         }});
 
     // What all cores' plain loops give from arrays to arrays: the measure for the Python call (single precision, K = 4).
     const TableData *four = nullptr;
@@ -229,26 +191,14 @@ int main(int argc, char **argv) {
         for (std::thread &t : threads) t.join();
     };
 
-    volatile float sink = 0;
-    for (int round = 0; round < rounds; ++round)
-        for (Case &c : cases) {
-            const auto start = Clock::now();
-            sink = sink + c.body();
-            c.nanoseconds.push_back(std::chrono::duration<double, std::nano>(Clock::now() - start).count() / inputs);
-        }
+    timing::time_all(cases, std::atoi(argv[2]), inputs);
     double best = 1e30;
     for (int repeat = 0; four && repeat < 5; ++repeat) {
-        const auto start = Clock::now();
+        const auto start = timing::Clock::now();
         all_cores();
-        best = std::min(best, std::chrono::duration<double, std::nano>(Clock::now() - start).count() / double(bulk));
+        best = std::min(best, timing::nanoseconds_since(start) / double(bulk));
     }
     std::printf("{\n  \"all cores, sample\": %.4f,\n", four ? best : 0.);
-    for (std::size_t i = 0; i < cases.size(); ++i) {
-        auto &t = cases[i].nanoseconds;
-        const auto middle = t.begin() + static_cast<std::ptrdiff_t>(t.size() / 2);
-        std::nth_element(t.begin(), middle, t.end());
-        std::printf("  \"%s\": %.4f%s\n", cases[i].name.c_str(), *middle, i + 1 < cases.size() ? "," : "");
-    }
-    std::printf("}\n");
+    timing::print_medians(cases);
     return 0;
 }

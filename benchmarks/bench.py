@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -23,13 +21,13 @@ from rich.console import Console
 from rich.table import Table
 
 import cuticle
+from compiled import ROOT, compiled
 from cuticle.cli.tables import ess_text
 from cuticle.fitting.costs import MEASURED
 from cuticle.sampling.quality import MEASURED_AT, UniformSphere
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.through_strands import through_tables
 
-ROOT = Path(__file__).parents[1]
 STRANDS = (0.0, 1.0, 2.0, 4.0, 8.0)
 LOBES = (1, 2, 4, 8, 16)
 out = Console() if sys.stdout.isatty() else Console(width=110)
@@ -68,13 +66,11 @@ def write_input(path: Path, cases: list[tuple[str, Sampler, float]], model: cuti
 def costs(
     cases: list[tuple[str, Sampler, float]], model: cuticle.DualScattering, rounds: int, family: str = "NormalLobes"
 ) -> dict[str, float]:
-    compiler = os.environ.get("CXX") or shutil.which("g++") or shutil.which("c++")
-    if compiler is None:
-        sys.exit("bench needs a C++ compiler; set CXX")
     with tempfile.TemporaryDirectory() as folder:
-        program, data = Path(folder) / "bench", Path(folder) / "input"
-        flags = ["-std=c++17", "-O3", "-march=native", "-pthread", f"-I{ROOT / 'include'}", f"-DBENCH_FAMILY={family}"]
-        subprocess.run([compiler, *flags, str(ROOT / "benchmarks/bench.cpp"), "-o", str(program)], check=True)
+        program, data = (
+            compiled("bench", folder, "-march=native", "-pthread", f"-DBENCH_FAMILY={family}"),
+            Path(folder) / "input",
+        )
         write_input(data, cases, model)
         done = subprocess.run([str(program), str(data), str(rounds)], check=True, capture_output=True, text=True)
     return json.loads(done.stdout)

@@ -29,6 +29,7 @@ from cuticle.render.scene import Light, View, bsdf, integrator, load_scene, mits
 
 RUNS, SPP = 4, 64
 LIGHTS = ("env", "area")
+DATA = Path(os.environ.get("CUTICLE_DATA", Path(__file__).parents[1] / "../shared/data"))
 
 
 def grooms(data: Path | None) -> dict[str, Groom]:
@@ -69,8 +70,7 @@ def runs(mi: Any, groom: Groom, fibre: str, light: str, view: View, how: dict[st
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    default = Path(os.environ.get("CUTICLE_DATA", Path(__file__).parents[1] / "../shared/data"))
-    parser.add_argument("--data", type=Path, default=default if default.exists() else None)
+    parser.add_argument("--data", type=Path, default=DATA if DATA.exists() else None)
     parser.add_argument("--size", type=int, default=128)
     parser.add_argument("--groom", action="append", help="one of these alone; may be repeated")
     parser.add_argument("--hair", action="append", choices=("blond", "black"), help="one of these alone")

@@ -10,7 +10,6 @@ variance over the square of one mean for all, that of the picture lit by very ma
 from __future__ import annotations
 
 import argparse
-import os
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -25,7 +24,7 @@ from cuticle.grooms.groom import Groom
 from cuticle.render.scene import Light, View, bsdf, integrator, load_scene, mitsuba
 from cuticle.sampling.quality import UniformSphere, measure
 from cuticle.scattering.marschner import Marschner
-from dual_scattering import grooms, noise
+from dual_scattering import DATA, grooms, noise
 
 RUNS, SPP, MANY = 8, 32, 32
 GROOMS = ("ball", "ponytail", "ponytail x 9", "bear")
@@ -40,8 +39,7 @@ def pictures(mi: Any, groom: Groom, view: View, material: dict[str, Any], direct
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    default = Path(os.environ.get("CUTICLE_DATA", Path(__file__).parents[1] / "../shared/data"))
-    parser.add_argument("--data", type=Path, default=default if default.exists() else None)
+    parser.add_argument("--data", type=Path, default=DATA if DATA.exists() else None)
     parser.add_argument("--size", type=int, default=128)
     arguments = parser.parse_args()
     try:

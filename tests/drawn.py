@@ -2,11 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 import cuticle
+
+
+def ends_of_random_numbers() -> Iterator[tuple[Any, np.ndarray]]:
+    """Both precisions, and all triples of their least, small, middle and last random numbers, (64, 3)."""
+    for dtype, last in ((np.float64, 1 - 2.0**-53), (np.float32, 1 - 2.0**-24)):
+        yield dtype, np.array(np.meshgrid(*[[0, 1e-30, 0.5, last]] * 3), dtype).reshape(3, -1).T
+
+
+def are_directions(s: cuticle.Sample, dtype: Any) -> None:
+    """Hold samples to what every one is: in their precision, finite, on the sphere, with a density."""
+    assert s.pdf.dtype == dtype
+    assert np.isfinite(np.array(s)).all()
+    assert (np.abs(s.theta_i) <= np.pi / 2).all()
+    assert (np.abs(s.phi) <= np.pi + 1e-6).all()
+    assert (s.pdf >= 0).all()
 
 
 def follows(sampler: Any, theta_r: float, dtype: Any, *, samples: int, level: float, seed: int) -> None:

@@ -45,6 +45,12 @@ def random_directions(rng: np.random.Generator, n: int) -> Directions:
     return directions(np.stack([np.cos(theta) * np.cos(phi), np.sin(theta), np.cos(theta) * np.sin(phi)], axis=-1))
 
 
+def random_questions(seed: int, n: int) -> tuple[Directions, Directions, np.ndarray]:
+    """Viewers, lights, and random numbers (n, 3) in single precision, as `ask` takes them."""
+    rng = np.random.default_rng(seed)
+    return random_directions(rng, n), random_directions(rng, n), rng.random((n, 3), np.float32)
+
+
 class Answers(NamedTuple):
     f: np.ndarray  # f cos theta_i
     pdf: np.ndarray

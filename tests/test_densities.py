@@ -184,7 +184,7 @@ def test_a_fits_derivatives_of_every_family(family: str, even: bool, price: floa
     def loss(parameters: np.ndarray, gradient: np.ndarray, hessian: np.ndarray) -> float:
         out = np.empty(1)
         _core.normal_equations(
-            target, theta, d_theta, phi, d_phi, parameters[None], even, 0.5, price, out, gradient, hessian, family=family
+            target, theta, d_theta, phi, d_phi, parameters[None], even, 0.5, price, out, gradient, hessian, family
         )
         return float(out[0])
 
@@ -201,5 +201,5 @@ def test_a_family_that_is_none_is_refused() -> None:
     x = np.ones((1, 1, 1))
     with pytest.raises(ValueError, match='no family of lobes is called "square"'):
         _core.normal_equations(
-            x, x, x, x, x, np.ones((1, 5, 1)), True, 1.0, 0.0, np.empty(1), np.empty(0), np.empty(0), family="square"
+            x, x, x, x, x, np.ones((1, 5, 1)), True, 1.0, 0.0, np.empty(1), np.empty(0), np.empty(0), "square"
         )

@@ -12,7 +12,7 @@ import cuticle
 from cuticle import Chiang, Fibre, Marschner
 from cuticle._support.quadrature import gauss_legendre
 from cuticle.checking.verdicts import sidak
-from drawn import follows
+from drawn import are_directions, ends_of_random_numbers, follows
 
 CHIANG, MARSCHNER = cuticle.family("chiang"), cuticle.family("marschner")
 REC709 = np.array([0.2126, 0.7152, 0.0722])
@@ -120,14 +120,9 @@ def test_no_parameter_and_no_random_number_gives_what_is_no_direction(
     values = dict(zip(corners, (x.reshape(-1, 1, 1) for x in np.meshgrid(*corners.values())), strict=True))
     values["sigma_a"] = values["sigma_a"][..., None]
     theta_r = np.array([-np.pi / 2, -1.5, 0, np.pi / 2])[:, None]
-    for dtype, last in ((np.float64, 1 - 2.0**-53), (np.float32, 1 - 2.0**-24)):
-        u = np.array(np.meshgrid(*[[0, 1e-30, 0.5, last]] * 3), dtype).reshape(3, -1).T
+    for dtype, u in ends_of_random_numbers():
         s = family.sample(theta_r.astype(dtype), u, **values)
-        assert s.pdf.dtype == dtype
-        assert np.isfinite(np.array(s)).all()
-        assert (np.abs(s.theta_i) <= np.pi / 2).all()
-        assert (np.abs(s.phi) <= np.pi + 1e-6).all()
-        assert (s.pdf >= 0).all()
+        are_directions(s, dtype)
         f, p = family.eval_pdf(s.theta_i, theta_r.astype(dtype), s.phi, **values)
         assert np.isfinite(f).all()
         np.testing.assert_array_equal(p, s.pdf)

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 import cuticle
+from conftest import sphere
 from cuticle import Chiang, Fibre
 from cuticle.checking.verdicts import sidak
 from cuticle.scattering.strand_transport import Directions, StrandTransport
 from cuticle.scattering.through_strands import _parts
-from drawn import follows
+from drawn import are_directions, ends_of_random_numbers, follows
 
 VALUES = {"alpha_R": -4.0, "beta_R": 8.0, "beta_N": 10.0, "eumelanin": 1.3}
 MEAN = Fibre(**VALUES, d_f=1, d_b=1)
@@ -109,27 +110,20 @@ def test_nothing_gives_what_is_no_direction(mean: Any) -> None:
     theta_r = np.array([-np.pi / 2, -1.5, 0, np.pi / 2])[:, None, None, None]
     strands = np.array([0, 1e-6, 1, 16, 10_000])[:, None, None]
     sigma_a = np.array([0.0, 0.1, 1000.0])[:, None, None] * np.ones(3)
-    for dtype, last in ((np.float64, 1 - 2.0**-53), (np.float32, 1 - 2.0**-24)):
-        u = np.array(np.meshgrid(*[[0, 1e-30, 0.5, last]] * 3), dtype).reshape(3, -1).T
+    for dtype, u in ends_of_random_numbers():
         for behind, random in ((None, False), (0.0, True), (3.0, True)):
             around = {"strands": strands, "behind": behind, "random": random, "sigma_a": sigma_a}
             s = family.sample(theta_r.astype(dtype), u, beta_n=0.05, **around) if mean is CHIANG else family.sample(
                 theta_r.astype(dtype), u, beta_N=1.0, **around
             )  # fmt: skip
-            assert s.pdf.dtype == dtype
-            assert np.isfinite(np.array(s)).all()
-            assert (np.abs(s.theta_i) <= np.pi / 2).all()
-            assert (np.abs(s.phi) <= np.pi + 1e-6).all()
-            assert (s.pdf >= 0).all()
+            are_directions(s, dtype)
 
 
 def test_the_density_integrates_to_one() -> None:
-    theta, phi = (np.arange(n) + 0.5 for n in (360, 720))
-    theta, phi = theta / 360 * np.pi - np.pi / 2, phi / 720 * 2 * np.pi - np.pi
+    theta, phi, cell = sphere(360, 720)
     for n, random in ((0, False), (0.5, False), (3.3, False), (3.3, True)):
-        p = among().pdf(theta[:, None], 0.7, phi, beta_R=20, beta_N=15, eumelanin=0.4, strands=n, random=random)
-        whole = np.sum(p * np.cos(theta)[:, None]) * np.pi / 360 * 2 * np.pi / 720
-        assert whole == pytest.approx(1, abs=1e-5)
+        p = among().pdf(theta, 0.7, phi, beta_R=20, beta_N=15, eumelanin=0.4, strands=n, random=random)
+        assert np.sum(p * np.cos(theta)) * cell == pytest.approx(1, abs=1e-5)
 
 
 def test_strands_broadcast_and_a_sampler_keeps_them() -> None:

@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import cuticle
+from conftest import sphere
 from cuticle import DualScattering, Fibre, Marschner, Sampler, fit, measure
 from cuticle.fitting.lobes import fit_table
 from cuticle.fitting.mixture import to_natural
@@ -77,11 +78,10 @@ def test_other_fibres(fibre: Fibre) -> None:
 
 
 def test_ess_is_what_quadrature_of_another_kind_gives(document_model: DualScattering, document_fit: cuticle.Fit) -> None:
-    theta = (np.arange(1500) + 0.5) / 1500 * np.pi - np.pi / 2
-    phi = (np.arange(1500) + 0.5) / 1500 * 2 * np.pi - np.pi
-    f = document_model.eval(theta[:, None], np.radians(30), phi)[..., 0] * np.cos(theta)[:, None]
-    p = document_fit.sampler.pdf(theta[:, None], np.radians(30), phi, 0)
-    w = np.cos(theta)[:, None] * np.pi / 1500 * 2 * np.pi / 1500
+    theta, phi, cell = sphere(1500, 1500)
+    f = document_model.eval(theta, np.radians(30), phi)[..., 0] * np.cos(theta)
+    p = document_fit.sampler.pdf(theta, np.radians(30), phi, 0)
+    w = np.cos(theta) * cell
     expected = (f * w).sum() ** 2 / (f**2 / p * w).sum()
     found = document_fit.ess[0][list(np.degrees(document_fit.theta_r).round()).index(30)]
     assert found == pytest.approx(expected, abs=5e-4)

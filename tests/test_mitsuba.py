@@ -19,7 +19,7 @@ from mitsuba_answers import (
     UseVariant,
     alone,
     ask,
-    random_directions,
+    random_questions,
     relative,
 )
 
@@ -33,10 +33,7 @@ def test_says_what_python_says(variant: str, fibre: str, use_variant: UseVariant
     mi = use_variant(variant)
     from cuticle import mitsuba as plugin
 
-    rng = np.random.default_rng(1)
-    count = VARIANTS[variant]
-    r, i = random_directions(rng, count), random_directions(rng, count)
-    u = rng.random((count, 3), np.float32)
+    r, i, u = random_questions(1, VARIANTS[variant])
     given = {"fibre": fibre, "sampling": "lobes"}
     said = ask(mi, mi.load_dict({"type": "cuticle", **given}), r, i, u)
     material = plugin.read_material(given)
@@ -63,10 +60,8 @@ def test_among_strands_says_what_python_says(variant: str, fibre: str, use_varia
     mi = use_variant(variant)
     from cuticle import mitsuba as plugin
 
-    rng = np.random.default_rng(2)
     count = VARIANTS[variant] // 4
-    r, i = random_directions(rng, count), random_directions(rng, count)
-    u = rng.random((count, 3), np.float32)
+    r, i, u = random_questions(2, count)
     given = {"fibre": fibre, "sampling": "lobes"}
     bsdf, material = mi.load_dict({"type": "cuticle", **given}), plugin.read_material(given)
     model = cuticle.DualScattering(material.fibre)
@@ -89,8 +84,7 @@ def test_every_sampling_tells_its_own_density(sampling: str, use_variant: UseVar
     mi = use_variant("llvm_ad_rgb")
     from cuticle import mitsuba as plugin
 
-    rng = np.random.default_rng(6)
-    r, i, u = random_directions(rng, 5000), random_directions(rng, 5000), rng.random((5000, 3), np.float32)
+    r, i, u = random_questions(6, 5000)
     said = ask(mi, mi.load_dict({"type": "cuticle", "fibre": "brown", "sampling": sampling}), r, i, u)
     single = plugin.read_material({"fibre": "brown", "sampling": sampling}).single
     if sampling == "uniform":
@@ -107,8 +101,7 @@ def test_a_sampler_file_is_what_is_drawn_from(tmp_path: Path, use_variant: UseVa
     model = cuticle.DualScattering(cuticle.Fibre.preset("brown"))
     path = cuticle.fit(model, 3, strands=COUNTS).sampler.save(tmp_path / "brown.json")
     bsdf = mi.load_dict({"type": "cuticle", "filename": str(path)})
-    rng = np.random.default_rng(7)
-    r, i, u = random_directions(rng, 5000), random_directions(rng, 5000), rng.random((5000, 3), np.float32)
+    r, i, u = random_questions(7, 5000)
     said = ask(mi, bsdf, r, i, u)
     assert relative(said.pdf, cuticle.Sampler.load(path).pdf(i.theta, r.theta, i.phi - r.phi, strands=0)) <= 1e-4
     f = alone(model.fibre).eval(i.theta, r.theta, i.phi - r.phi) * np.cos(i.theta)[:, None]

@@ -12,7 +12,7 @@ import cuticle
 from command import run_program
 from cuticle.grooms.groom import Groom
 from cuticle.grooms.procedural import hair_ball
-from mitsuba_answers import VARIANTS, UseVariant, ask, random_directions, relative
+from mitsuba_answers import VARIANTS, UseVariant, ask, random_directions, random_questions, relative
 from test_export_functions import CHIANG, make_table
 
 TILTED = cuticle.Chiang(**CHIANG.values() | {"alpha": 4.0, "eumelanin": 0.8})
@@ -34,9 +34,7 @@ def test_chiang_says_what_python_says(variant: str, folder: Path, use_variant: U
     mi = use_variant(variant)
     from cuticle import mitsuba as plugin
 
-    rng = np.random.default_rng(3)
-    count = VARIANTS[variant] // 4
-    r, i, u = random_directions(rng, count), random_directions(rng, count), rng.random((count, 3), np.float32)
+    r, i, u = random_questions(3, VARIANTS[variant] // 4)
     given: dict[str, Any] = {"fibre": str(folder / "mine.toml"), "sampling": "lobes"}
     said = ask(mi, mi.load_dict({"type": "cuticle"} | given), r, i, u)
     f = TILTED.eval(i.theta, r.theta, i.phi - r.phi) * np.cos(i.theta)[:, None]
@@ -57,9 +55,7 @@ def test_chiang_says_what_python_says(variant: str, folder: Path, use_variant: U
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_the_near_field_says_what_python_says(variant: str, folder: Path, use_variant: UseVariant) -> None:
     mi = use_variant(variant)
-    rng = np.random.default_rng(6)
-    count = VARIANTS[variant] // 4
-    r, i, u = random_directions(rng, count), random_directions(rng, count), rng.random((count, 3), np.float32)
+    r, i, u = random_questions(6, VARIANTS[variant] // 4)
     near = TILTED.near(-np.cos(r.phi))
     said = ask(mi, mi.load_dict({"type": "cuticle", "fibre": str(folder / "mine.toml"), "near": True}), r, i, u)
     f = near.eval(i.theta, r.theta, i.phi - r.phi) * np.cos(i.theta)[:, None]
@@ -117,8 +113,7 @@ def test_absorption_is_a_texture_or_a_spectrum(
     if sigma_a["type"] == "bitmap":
         sigma_a = {**sigma_a, "bitmap": mi.Bitmap(np.broadcast_to(np.float32(expected), (2, 2, 3)).copy())}
     given = cuticle.conventions.from_host("mitsuba", sigma_a=sigma_a, scale=1.5)
-    rng = np.random.default_rng(9)
-    r, i, u = random_directions(rng, 60), random_directions(rng, 60), rng.random((60, 3), np.float32)
+    r, i, u = random_questions(9, 60)
     bsdf = mi.load_dict({"type": "cuticle", "near": True} | given)
     model = cuticle.Chiang(**cuticle.conventions.from_host("mitsuba", sigma_a=tuple(1.5 * np.array(expected))))
     f = model.near(-np.cos(r.phi)).eval(i.theta, r.theta, i.phi - r.phi) * np.cos(i.theta)[:, None]
@@ -189,8 +184,7 @@ def test_tables_say_what_python_says(variant: str, name: str, folder: Path, use_
 
 def test_a_spectrum_of_a_table_has_its_channels(folder: Path, use_variant: UseVariant) -> None:
     mi = use_variant("scalar_spectral")
-    rng = np.random.default_rng(5)
-    r, i, u = random_directions(rng, 50), random_directions(rng, 50), rng.random((50, 3), np.float32)
+    r, i, u = random_questions(5, 50)
     said = ask(mi, mi.load_dict({"type": "cuticle", "fibre": str(folder / "mine.npz")}), r, i, u)
     mi = use_variant("scalar_rgb")
     rgb = ask(mi, mi.load_dict({"type": "cuticle", "fibre": str(folder / "mine.npz")}), r, i, u)

@@ -1,6 +1,7 @@
 // Mitsuba's BSDF `cuticle_bsdf`: the core's closed forms, for a fibre and for Chiang 2016's far field. Its tables come from
 // Python (cuticle.mitsuba), which registers `cuticle` on top of it.
 #include "hair_bsdf.h"
+#include "through_tables.h"
 
 NAMESPACE_BEGIN(mitsuba)
 
@@ -8,7 +9,7 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
   public:
     MI_IMPORT_BASE(AbsorbingHairBSDF, m_scale, m_sigma_a_set)
     using typename Base::Angles;
-    MI_IMPORT_TYPES(Texture)
+    MI_IMPORT_TYPES()
     using FloatBuffer = DynamicBuffer<Float>;
     using Memory = cuticle_mitsuba::Memory<Float>;
     using Model = cuticle::DualScatteringModel<float, Memory>;
@@ -29,17 +30,7 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
         m_columns = int(direct.shape(1));
         m_channels = int(direct.shape(3));
         m_direct = direct.array();
-        if (props.has_property("through_energy")) {
-            const TensorXf &energy = props.get_any<TensorXf>("through_energy");
-            const TensorXf &along = props.get_any<TensorXf>("through_along");
-            const TensorXf &azimuth = props.get_any<TensorXf>("through_azimuth");
-            m_through = {int(energy.shape(2)), int(along.shape(2)), int(azimuth.shape(2)), int(azimuth.shape(3))};
-            m_energy = energy.array();
-            m_along = along.array();
-            m_azimuth = azimuth.array();
-            m_through_behind = props.get_any<TensorXf>("through_behind").array();
-            m_through_limit = props.get<ScalarFloat>("through_limit");
-        }
+        m_through.read(props);
         if (props.has_property("spread")) {
             m_spread = props.get_any<TensorXf>("spread").array();
             const TensorXf &averages = props.get_any<TensorXf>("averages");
@@ -60,7 +51,7 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
         // The fibre's own absorption has channels of its own; any other falls between two of the range, which is made when
         // it is first needed.
         m_fixed = !props.has_property("scale") && (m_exact_channels == 1 || is_rgb_v<Spectrum>);
-        Base::set_flags(m_scale->is_spatially_varying(), m_average_rows > 0 || m_through.rows > 0
+        Base::set_flags(m_scale->is_spatially_varying(), m_average_rows > 0 || !m_through.empty()
                                                              ? cuticle_mitsuba::hair_flag | cuticle_mitsuba::mean_flag
                                                              : 0u);
     }
@@ -91,8 +82,7 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
         const auto tables = [](auto &b) {
             return std::tie(b.m_fibre, b.m_formulation, b.m_range, b.m_d_f, b.m_d_b, b.m_rest_variance, b.m_rows,
                             b.m_columns, b.m_channels, b.m_exact_channels, b.m_average_rows, b.m_rest_rows, b.m_direct,
-                            b.m_spread, b.m_averages, b.m_rest, b.m_through, b.m_through_limit, b.m_energy, b.m_along,
-                            b.m_azimuth, b.m_through_behind);
+                            b.m_spread, b.m_averages, b.m_rest, b.m_through);
         };
         tables(*this) = tables(static_cast<const CuticleBSDF &>(made));
     }
@@ -106,17 +96,10 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
         const auto table = [&](const FloatBuffer &data) {
             return cuticle::AzimuthalTable<Memory>{cuticle_mitsuba::memory<Float>(data), m_rows, m_columns, m_channels};
         };
-        const Model model{
-            m_fibre,
-            table(m_direct),
-            table(m_spread),
-            {cuticle_mitsuba::memory<Float>(m_averages), m_average_rows, m_channels},
-            m_formulation,
-            m_d_f,
-            m_d_b,
-            {cuticle_mitsuba::memory<Float>(m_energy), cuticle_mitsuba::memory<Float>(m_along),
-             cuticle_mitsuba::memory<Float>(m_azimuth), cuticle_mitsuba::memory<Float>(m_through_behind), m_through.rows,
-             m_through.along_rows, m_through.azimuth_rows, m_through.columns, m_channels, m_through_limit}};
+        const Model model{m_fibre,         table(m_direct),
+                          table(m_spread), {cuticle_mitsuba::memory<Float>(m_averages), m_average_rows, m_channels},
+                          m_formulation,   m_d_f,
+                          m_d_b,           m_through.view()};
         const auto at =
             cuticle::locate(model.direct, cuticle::azimuthal_inclination(m_fibre.form, theta_i, r.theta), Float(phi));
         cuticle::AzimuthalTerms<Float> alone;
@@ -158,15 +141,14 @@ template <typename Float, typename Spectrum> class CuticleBSDF final : public Ab
     cuticle::FibreLobes<float> m_fibre;
     cuticle::Formulation m_formulation;
     cuticle::AbsorptionRange<float> m_range;
-    struct {
-        int rows = 0, along_rows = 0, azimuth_rows = 0, columns = 0;
-    } m_through;
-    float m_d_f, m_d_b, m_through_limit = 1, m_rest_variance = 0;
+    cuticle_mitsuba::ThroughTables<Float> m_through;
+    float m_d_f, m_d_b, m_rest_variance = 0;
     int m_rows, m_columns, m_channels, m_exact_channels, m_average_rows = 0, m_rest_rows = 0;
     bool m_fixed, m_again = false;
-    FloatBuffer m_direct, m_spread, m_energy, m_along, m_azimuth, m_through_behind, m_averages, m_rest;
+    FloatBuffer m_direct, m_spread, m_averages, m_rest;
 
-    MI_TRAVERSE_CB(Base, m_direct, m_spread, m_energy, m_along, m_azimuth, m_through_behind, m_averages, m_rest)
+    MI_TRAVERSE_CB(Base, m_direct, m_spread, m_through.energy, m_through.along, m_through.azimuth, m_through.behind,
+                   m_averages, m_rest)
 };
 
 CUTICLE_EXPORT_PARTS(CuticleBSDF)

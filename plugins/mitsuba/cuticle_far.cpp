@@ -4,6 +4,7 @@
 // Among strands the others are those of a mean fibre, whose tables Python makes when dual_scattering first asks for them.
 // The strand itself keeps its own energies, tilts and widths.
 #include "fibre_bsdf.h"
+#include "through_tables.h"
 
 #include "cuticle/scattering/far_among.h"
 #include "cuticle/scattering/through_draw.h"
@@ -22,7 +23,7 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
     CuticleFar(const Properties &props) : Base(props) {
         m_form = props.get<bool>("logistic") ? cuticle::Azimuthal::logistic : cuticle::Azimuthal::normal;
         m_share = props.get<ScalarFloat>("direct_share");
-        if (props.has_property("through_energy")) read_tables(props);
+        read_tables(props);
         Base::set_flags(Base::varies(), others);
     }
 
@@ -32,10 +33,10 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
             Base::parameters_changed(keys);
             m_tables = Tables();  // they were made for other values
             m_flags |= others;
-        } else if (!m_tables.strands) {
+        } else if (!among_others()) {
             const Properties scene = Base::scene_of_tables();
             adopt(static_cast<const CuticleFar &>(*PluginManager::instance()->create_object<BSDF<Float, Spectrum>>(scene)));
-            if (!m_tables.strands) m_flags &= ~others;  // without absorption, light among strands has no sum
+            if (!among_others()) m_flags &= ~others;  // without absorption, light among strands has no sum
         }
     }
 
@@ -46,27 +47,17 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
 
     // What the others do, of a mean fibre: a channel of its own for each absorption.
     struct Tables {
-        bool strands = false;
-        int rows = 0, along_rows = 0, azimuth_rows = 0, columns = 0, channels = 1;
-        float limit = 1, d_f = 1, d_b = 1;
+        cuticle_mitsuba::ThroughTables<Float> through;
+        float d_f = 1, d_b = 1;
         float tilt[cuticle::lobe_count], variance[cuticle::lobe_count];
         float sigma_a[3];
-        FloatBuffer energy, along, azimuth, behind, draw_lobes, draw_azimuth;
+        FloatBuffer draw_lobes, draw_azimuth;
     };
 
     void read_tables(const Properties &props) {
-        const auto buffer = [&](const char *name) { return props.get_any<TensorXf>(name).array(); };
-        const TensorXf &energy = props.get_any<TensorXf>("through_energy"),
-                       &along = props.get_any<TensorXf>("through_along"),
-                       &azimuth = props.get_any<TensorXf>("through_azimuth");
         Tables &t = m_tables;
-        t.strands = true;
-        t.rows = int(energy.shape(2));
-        t.along_rows = int(along.shape(2));
-        t.azimuth_rows = int(azimuth.shape(2));
-        t.columns = int(azimuth.shape(3));
-        t.channels = int(energy.shape(5));
-        t.limit = props.get<ScalarFloat>("through_limit");
+        t.through.read(props);
+        if (t.through.empty()) return;
         t.d_f = props.get<ScalarFloat>("number_d_f");
         t.d_b = props.get<ScalarFloat>("number_d_b");
         const auto tilt = props.get<ScalarVector3f>("mean_tilt"), variance = props.get<ScalarVector3f>("mean_variance"),
@@ -76,12 +67,8 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
             t.variance[p] = variance[p];
             t.sigma_a[p] = sigma_a[p];
         }
-        t.energy = energy.array();
-        t.along = along.array();
-        t.azimuth = azimuth.array();
-        t.behind = buffer("through_behind");
-        t.draw_lobes = buffer("draw_lobes");
-        t.draw_azimuth = buffer("draw_azimuth");
+        t.draw_lobes = props.get_any<TensorXf>("draw_lobes").array();
+        t.draw_azimuth = props.get_any<TensorXf>("draw_azimuth").array();
         m_mean = props.get_unbounded_texture<Texture>("mean_absorption");
     }
 
@@ -113,14 +100,7 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
 
     cuticle::MeanStrands<float, Memory> mean_strands() const {
         const Tables &t = m_tables;
-        cuticle::MeanStrands<float, Memory> mean{
-            {cuticle_mitsuba::memory<Float>(t.energy), cuticle_mitsuba::memory<Float>(t.along),
-             cuticle_mitsuba::memory<Float>(t.azimuth), cuticle_mitsuba::memory<Float>(t.behind), t.rows, t.along_rows,
-             t.azimuth_rows, t.columns, t.channels, t.limit},
-            {},
-            {},
-            t.d_f,
-            t.d_b};
+        cuticle::MeanStrands<float, Memory> mean{t.through.view(), {}, {}, t.d_f, t.d_b};
         std::copy_n(t.tilt, cuticle::lobe_count, mean.tilt);
         std::copy_n(t.variance, cuticle::lobe_count, mean.variance);
         return mean;
@@ -129,10 +109,10 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
         const Tables &t = m_tables;
         return {cuticle_mitsuba::memory<Float>(t.draw_lobes),
                 cuticle_mitsuba::memory<Float>(t.draw_azimuth),
-                t.along_rows,
-                t.azimuth_rows,
-                t.columns,
-                t.limit};
+                t.through.along_rows,
+                t.through.azimuth_rows,
+                t.through.columns,
+                t.through.limit};
     }
     cuticle::ThroughMixture<Float> through_mixture(const Prepared &p, const Angles &r) const {
         const auto weights = Base::luminance();
@@ -148,14 +128,15 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
     template <class Use>
     UnpolarizedSpectrum per_channel(const SurfaceInteraction3f &si, const Mask &active, const Use &use) const {
         UnpolarizedSpectrum out(0.f);
-        if (m_tables.channels == 1 || is_rgb_v<Spectrum>) {
-            for (int c = 0; c < channels; ++c) out[size_t(c)] = use(c, std::min(c, m_tables.channels - 1));
+        const int known = m_tables.through.channels;
+        if (known == 1 || is_rgb_v<Spectrum>) {
+            for (int c = 0; c < channels; ++c) out[size_t(c)] = use(c, std::min(c, known - 1));
             return out;
         }
         const UnpolarizedSpectrum mean = m_mean->eval(si, active);
         for (int c = 0; c < channels; ++c) {
             const float *s = m_tables.sigma_a;
-            const Mask upper = mean[size_t(c)] >= s[1] && m_tables.channels == 3;
+            const Mask upper = mean[size_t(c)] >= s[1] && known == 3;
             const Float low = dr::select(upper, s[1], s[0]), high = dr::select(upper, s[2], s[1]);
             out[size_t(c)] = use(c, cuticle::ChannelBetween<Float>{
                                         cuticle::ArrayTraits<Float>::to_index(dr::select(upper, Float(1), Float(0))),
@@ -233,7 +214,7 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
         return {s, among(ctx, si, p, s.theta_i, r, s.phi, alone, active) * cuticle::math::cos_theta(s.theta_i)};
     }
 
-    bool among_others() const override { return m_tables.strands; }
+    bool among_others() const override { return !m_tables.through.empty(); }
 
     static UnpolarizedSpectrum colour(const Float *f) {
         UnpolarizedSpectrum value;
@@ -246,8 +227,8 @@ template <typename Float, typename Spectrum> class CuticleFar final : public Fib
     Tables m_tables;
     ref<Texture> m_mean;
 
-    MI_TRAVERSE_CB(Base, m_tables.energy, m_tables.along, m_tables.azimuth, m_tables.behind, m_tables.draw_lobes,
-                   m_tables.draw_azimuth, m_mean)
+    MI_TRAVERSE_CB(Base, m_tables.through.energy, m_tables.through.along, m_tables.through.azimuth, m_tables.through.behind,
+                   m_tables.draw_lobes, m_tables.draw_azimuth, m_mean)
 };
 
 CUTICLE_EXPORT_PARTS(CuticleFar)

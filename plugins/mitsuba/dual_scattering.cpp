@@ -35,7 +35,7 @@ NAMESPACE_BEGIN(mitsuba)
 template <typename Float, typename Spectrum> class DualScattering final : public SamplingIntegrator<Float, Spectrum> {
   public:
     MI_IMPORT_BASE(SamplingIntegrator, m_hide_emitters)
-    MI_IMPORT_TYPES(Scene, Sensor, Film, Sampler, Medium, Shape, ShapePtr, Emitter, EmitterPtr, BSDF, BSDFPtr)
+    MI_IMPORT_TYPES(Scene, Sensor, Sampler, Medium, EmitterPtr, BSDFPtr)
 
     DualScattering(const Properties &props) : Base(props) {
         const std::string counter = props.get<std::string>("counter", "grid");
@@ -220,7 +220,7 @@ template <typename Float, typename Spectrum> class DualScattering final : public
         }
         Colours full{}, dual{};
         if (paths) {
-            const auto [first, second] = both(float(m_emitter_samples > 0), float(m_bsdf_samples > 0));
+            const auto [first, second] = both(tries(m_emitter_samples), tries(m_bsdf_samples));
             auto [path, end] = trace(scene, sampler, ray, path_bounces, hair);
             const Spectrum rest = path.throughput * lit(scene, sampler, end, path);
             full = colours(unpolarized_spectrum(weight * (path.result + dr::select(path.going, rest, 0.f))));
@@ -276,17 +276,16 @@ template <typename Float, typename Spectrum> class DualScattering final : public
             const DirectionSample3f ds(scene, si, path.from);
             const Float met =
                 dr::select(path.delta || first, 0.f, scene->pdf_emitter_direction(path.from, ds, shines && !first));
-            const Float weight = dr::select(first, 1.f, power(path.pdf * bounce_share(1), met * bounce_share(0)));
+            const Float weight =
+                dr::select(first, 1.f, power(path.pdf * tries(m_bsdf_samples), met * tries(m_emitter_samples)));
             path.result[shines] += path.throughput * weight * seen->eval(si, shines);
         }
         path.going &= si.is_valid();
         return si;
     }
 
-    // A path has one sample of each technique at a vertex, unless the scene wants none of it.
-    ScalarFloat bounce_share(int technique) const {
-        return (technique == 0 ? m_emitter_samples : m_bsdf_samples) > 0 ? ScalarFloat(1) : ScalarFloat(0);
-    }
+    // Of a technique at a path's vertex: one, unless the scene wants none of its samples.
+    static float tries(int samples) { return samples > 0 ? 1.f : 0.f; }
 
     // A segment of a path of single scattering: the light that nothing blocks, and the direction on.
     void bounce(const Scene *scene, Path &path) const {
@@ -301,7 +300,7 @@ template <typename Float, typename Spectrum> class DualScattering final : public
             const Vector3f wo = si.to_local(ds.d);
             auto [value, pdf] = bsdf->eval_pdf(context, si, wo, lit);
             value = si.to_world_mueller(value, -wo, si.wi);
-            const Float weight = dr::select(ds.delta, 1.f, power(ds.pdf, pdf * bounce_share(1)));
+            const Float weight = dr::select(ds.delta, 1.f, power(ds.pdf, pdf * tries(m_bsdf_samples)));
             path.result[lit] += path.throughput * weight * value * light;
         }
         const Float u = path.sampler->next_1d(path.going);

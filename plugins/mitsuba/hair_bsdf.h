@@ -28,7 +28,7 @@ NAMESPACE_BEGIN(mitsuba)
 template <typename Float, typename Spectrum> class HairBSDF : public BSDF<Float, Spectrum> {
   public:
     MI_IMPORT_BASE(BSDF, m_flags, m_components)
-    MI_IMPORT_TYPES(Texture)
+    MI_IMPORT_TYPES()
 
     std::pair<BSDFSample3f, Spectrum> sample(const BSDFContext &ctx, const SurfaceInteraction3f &si, Float sample1,
                                              const Point2f &sample2, Mask active) const override {

@@ -18,7 +18,7 @@ NAMESPACE_BEGIN(mitsuba)
 
 template <typename Float, typename Spectrum> class LightThroughHair {
   public:
-    MI_IMPORT_TYPES(Scene, Sampler, Emitter, EmitterPtr, BSDF, BSDFPtr)
+    MI_IMPORT_TYPES(Scene, Sampler, EmitterPtr, BSDFPtr)
 
     mutable StrandsAround<Float, Spectrum> around;
 

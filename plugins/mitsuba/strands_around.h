@@ -24,7 +24,7 @@ NAMESPACE_BEGIN(mitsuba)
 
 template <typename Float, typename Spectrum> class StrandsAround {
   public:
-    MI_IMPORT_TYPES(Scene, Sampler, Shape, ShapeGroup, EmitterPtr, BSDF, BSDFPtr)
+    MI_IMPORT_TYPES(Scene, Sampler, Shape, ShapeGroup, BSDF, BSDFPtr)
 
     // Strands around, and those toward the light of each kind of hair, which is a BSDF, where there are several.
     struct Around : cuticle_mitsuba::Around<Float> {

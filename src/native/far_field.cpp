@@ -2,6 +2,7 @@
 #include "bindings.h"
 
 #include <stdexcept>
+#include <type_traits>
 
 #include "arrays.h"
 #include "cuticle/scattering/far_among.h"
@@ -42,41 +43,7 @@ template <class T> struct Fibres {
     }
 };
 
-// body(i, field) for each of `count`; a field is kept while fibre and viewer stay.
-template <int Channels, class T, class Body>
-void each(const Fibres<T> &fibres, const Broadcast<T> &theta_r, std::size_t count, const Body &body) {
-    parallel_for(count, 256, [&](std::size_t begin, std::size_t end) {
-        cuticle::FarField<T, Channels> field{};
-        for (std::size_t i = begin; i < end; ++i) {
-            if (i == begin || theta_r[i] != theta_r[i - 1] || !fibres.same(i, i - 1))
-                field = cuticle::far_field<Channels>(fibres.form(), fibres.fibre(i), theta_r[i], fibres.absorption(i),
-                                                     fibres.luminance);
-            body(i, field);
-        }
-    });
-}
-
-// f into (n, Channels) and its density into (n).
-template <int Channels, class T>
-void evaluate(const Fibres<T> &fibres, const In<T> &theta_i, const In<T> &theta_r, const In<T> &phi, Out<T> f, Out<T> pdf) {
-    const auto ti = broadcast(theta_i), ph = broadcast(phi);
-    each<Channels>(fibres, broadcast(theta_r), pdf.shape(0), [&](std::size_t i, const auto &field) {
-        pdf.data()[i] = cuticle::far_eval(fibres.form(), field, ti[i], ph[i], f.data() + i * Channels);
-    });
-}
-
-template <int Channels, class T>
-void draw(const Fibres<T> &fibres, const In<T> &theta_r, const In<T> &u, Out<T> theta_i, Out<T> phi, Out<T> f, Out<T> pdf) {
-    each<Channels>(fibres, broadcast(theta_r), pdf.shape(0), [&](std::size_t i, const auto &field) {
-        const T *v = u.data() + 3 * i;
-        const auto s = cuticle::far_sample(fibres.form(), field, v[0], v[1], v[2], f.data() + i * Channels);
-        theta_i.data()[i] = s.theta_i;
-        phi.data()[i] = s.phi;
-        pdf.data()[i] = s.pdf;
-    });
-}
-
-// Strands of a mean fibre, and a fibre of any kind among them; keeps the arrays it was given.
+// Strands of a mean fibre; keeps the arrays it was given.
 template <class T> struct Among {
     In<T> energy, along, azimuth, behind;
     cuticle::MeanStrands<T> mean{};
@@ -91,61 +58,108 @@ template <class T> struct Among {
         mean.d_f = d_f;
         mean.d_b = d_b;
     }
+};
 
-    // body(i, form, field) for each of `count`; a field is kept while fibre, viewer and surroundings stay.
-    template <int Channels, class Body>
-    void each(const Fibres<T> &fibres, const In<T> &theta_r, const In<T> &strands, const In<T> &behind_, bool random,
-              std::size_t count, const Body &body) const {
-        const auto tr = broadcast(theta_r), n = broadcast(strands), b = broadcast(behind_);
-        parallel_for(count, 64, [&](std::size_t begin, std::size_t end) {
-            cuticle::FarAmong<T, Channels> field{};
-            for (std::size_t i = begin; i < end; ++i) {
-                if (i == begin || tr[i] != tr[i - 1] || n[i] != n[i - 1] || b[i] != b[i - 1] || !fibres.same(i, i - 1))
-                    field = cuticle::far_among<Channels>(fibres.form(), mean, fibres.fibre(i), tr[i], fibres.absorption(i),
-                                                         fibres.luminance, cuticle::Surroundings<T>{n[i], b[i], random});
-                body(i, fibres.form(), field);
-            }
-        });
+// Fibres that stand alone, each with its viewer.
+template <class T> struct EachAlone {
+    static constexpr std::size_t least = 256;
+    Fibres<T> fibres;
+    Broadcast<T> theta_r;
+
+    bool same(std::size_t i, std::size_t j) const { return theta_r[i] == theta_r[j] && fibres.same(i, j); }
+    template <int Channels> cuticle::FarField<T, Channels> field(std::size_t i) const {
+        return cuticle::far_field<Channels>(fibres.form(), fibres.fibre(i), theta_r[i], fibres.absorption(i),
+                                            fibres.luminance);
     }
-
-    template <int Channels>
-    void evaluate(const Fibres<T> &fibres, const In<T> &theta_i, const In<T> &theta_r, const In<T> &phi,
-                  const In<T> &strands, const In<T> &behind_, bool random, Out<T> f, Out<T> pdf) const {
-        const auto ti = broadcast(theta_i), ph = broadcast(phi);
-        each<Channels>(fibres, theta_r, strands, behind_, random, pdf.shape(0),
-                       [&](std::size_t i, cuticle::Azimuthal form, const auto &field) {
-                           pdf.data()[i] = cuticle::among_eval(form, mean, field, ti[i], ph[i], f.data() + i * Channels);
-                       });
+    template <class Field> T eval(const Field &field, T theta_i, T phi, T *f) const {
+        return cuticle::far_eval(fibres.form(), field, theta_i, phi, f);
     }
-
-    template <int Channels>
-    void draw(const Fibres<T> &fibres, const In<T> &theta_r, const In<T> &u, const In<T> &strands, const In<T> &behind_,
-              bool random, Out<T> theta_i, Out<T> phi, Out<T> f, Out<T> pdf) const {
-        each<Channels>(fibres, theta_r, strands, behind_, random, pdf.shape(0),
-                       [&](std::size_t i, cuticle::Azimuthal form, const auto &field) {
-                           const T *v = u.data() + 3 * i;
-                           const auto s =
-                               cuticle::among_sample(form, mean, field, v[0], v[1], v[2], f.data() + i * Channels);
-                           theta_i.data()[i] = s.theta_i;
-                           phi.data()[i] = s.phi;
-                           pdf.data()[i] = s.pdf;
-                       });
+    template <class Field> cuticle::Sample<T> sample(const Field &field, const T *u, T *f) const {
+        return cuticle::far_sample(fibres.form(), field, u[0], u[1], u[2], f);
     }
 };
 
-template <class T> void bind_among(nb::module_ &m, const char *name) {
+// Fibres among others, each with its viewer and surroundings.
+template <class T> struct EachAmong {
+    static constexpr std::size_t least = 64;
+    const cuticle::MeanStrands<T> &mean;
+    Fibres<T> fibres;
+    Broadcast<T> theta_r, strands, behind;
+    bool random;
+
+    bool same(std::size_t i, std::size_t j) const {
+        return theta_r[i] == theta_r[j] && strands[i] == strands[j] && behind[i] == behind[j] && fibres.same(i, j);
+    }
+    template <int Channels> cuticle::FarAmong<T, Channels> field(std::size_t i) const {
+        return cuticle::far_among<Channels>(fibres.form(), mean, fibres.fibre(i), theta_r[i], fibres.absorption(i),
+                                            fibres.luminance, cuticle::Surroundings<T>{strands[i], behind[i], random});
+    }
+    template <class Field> T eval(const Field &field, T theta_i, T phi, T *f) const {
+        return cuticle::among_eval(fibres.form(), mean, field, theta_i, phi, f);
+    }
+    template <class Field> cuticle::Sample<T> sample(const Field &field, const T *u, T *f) const {
+        return cuticle::among_sample(fibres.form(), mean, field, u[0], u[1], u[2], f);
+    }
+};
+
+// body(i, field, where its f goes) for each row of f, (n, 1 or 3 channels).
+template <class Each, class T, class Body> void for_each_field(const Each &each, Out<T> &f, const Body &body) {
+    const auto with_channels = [&](auto kind) {
+        constexpr int channels = decltype(kind)::value;
+        for_each_prepared(
+            f.shape(0), Each::least, [&](std::size_t i, std::size_t j) { return each.same(i, j); },
+            [&](std::size_t i) { return each.template field<channels>(i); },
+            [&](std::size_t i, const auto &field) { body(i, field, f.data() + i * channels); });
+    };
+    if (f.shape(1) == 1) with_channels(std::integral_constant<int, 1>());
+    else with_channels(std::integral_constant<int, 3>());
+}
+
+// f into (n, channels) and its density into (n).
+template <class Each, class T>
+void evaluate(const Each &each, const In<T> &theta_i, const In<T> &phi, Out<T> &f, Out<T> &pdf) {
+    const auto ti = broadcast(theta_i), ph = broadcast(phi);
+    for_each_field(each, f,
+                   [&](std::size_t i, const auto &field, T *to) { pdf.data()[i] = each.eval(field, ti[i], ph[i], to); });
+}
+
+template <class Each, class T>
+void draw(const Each &each, const In<T> &u, Out<T> &theta_i, Out<T> &phi, Out<T> &f, Out<T> &pdf) {
+    for_each_field(each, f, [&](std::size_t i, const auto &field, T *to) {
+        const auto s = each.sample(field, u.data() + 3 * i, to);
+        theta_i.data()[i] = s.theta_i;
+        phi.data()[i] = s.phi;
+        pdf.data()[i] = s.pdf;
+    });
+}
+
+template <class T> void bind(nb::module_ &m, const char *among) {
     using release = nb::call_guard<nb::gil_scoped_release>;
-    nb::class_<Among<T>>(m, name)
+    m.def(
+        "far_eval",
+        [](bool chiang, const In<T> &parameters, const In<T> &sigma_a, const In<T> &luminance, const In<T> &theta_i,
+           const In<T> &theta_r, const In<T> &phi, Out<T> f, Out<T> pdf) {
+            evaluate(EachAlone<T>{{chiang, parameters, sigma_a, luminance}, broadcast(theta_r)}, theta_i, phi, f, pdf);
+        },
+        release());
+    m.def(
+        "far_sample",
+        [](bool chiang, const In<T> &parameters, const In<T> &sigma_a, const In<T> &luminance, const In<T> &theta_r,
+           const In<T> &u, Out<T> theta_i, Out<T> phi, Out<T> f, Out<T> pdf) {
+            draw(EachAlone<T>{{chiang, parameters, sigma_a, luminance}, broadcast(theta_r)}, u, theta_i, phi, f, pdf);
+        },
+        release());
+    nb::class_<Among<T>>(m, among)
         .def(nb::init<const In<T> &, const In<T> &, const In<T> &, const In<T> &, T, const In<T> &, const In<T> &, T, T>())
         .def(
             "eval",
             [](const Among<T> &among, bool chiang, const In<T> &parameters, const In<T> &sigma_a, const In<T> &luminance,
                const In<T> &theta_i, const In<T> &theta_r, const In<T> &phi, const In<T> &strands, const In<T> &behind,
                bool random, Out<T> f, Out<T> pdf) {
-                const Fibres<T> fibres(chiang, parameters, sigma_a, luminance);
-                if (sigma_a.shape(1) == 1)
-                    among.template evaluate<1>(fibres, theta_i, theta_r, phi, strands, behind, random, f, pdf);
-                else among.template evaluate<3>(fibres, theta_i, theta_r, phi, strands, behind, random, f, pdf);
+                const EachAmong<T> each{among.mean,         {chiang, parameters, sigma_a, luminance},
+                                        broadcast(theta_r), broadcast(strands),
+                                        broadcast(behind),  random};
+                evaluate(each, theta_i, phi, f, pdf);
             },
             release())
         .def(
@@ -153,41 +167,19 @@ template <class T> void bind_among(nb::module_ &m, const char *name) {
             [](const Among<T> &among, bool chiang, const In<T> &parameters, const In<T> &sigma_a, const In<T> &luminance,
                const In<T> &theta_r, const In<T> &u, const In<T> &strands, const In<T> &behind, bool random, Out<T> theta_i,
                Out<T> phi, Out<T> f, Out<T> pdf) {
-                const Fibres<T> fibres(chiang, parameters, sigma_a, luminance);
-                if (sigma_a.shape(1) == 1)
-                    among.template draw<1>(fibres, theta_r, u, strands, behind, random, theta_i, phi, f, pdf);
-                else among.template draw<3>(fibres, theta_r, u, strands, behind, random, theta_i, phi, f, pdf);
+                const EachAmong<T> each{among.mean,         {chiang, parameters, sigma_a, luminance},
+                                        broadcast(theta_r), broadcast(strands),
+                                        broadcast(behind),  random};
+                draw(each, u, theta_i, phi, f, pdf);
             },
             release());
-}
-
-template <class T> void bind(nb::module_ &m) {
-    using release = nb::call_guard<nb::gil_scoped_release>;
-    m.def(
-        "far_eval",
-        [](bool chiang, const In<T> &parameters, const In<T> &sigma_a, const In<T> &luminance, const In<T> &theta_i,
-           const In<T> &theta_r, const In<T> &phi, Out<T> f, Out<T> pdf) {
-            const Fibres<T> fibres(chiang, parameters, sigma_a, luminance);
-            (sigma_a.shape(1) == 1 ? evaluate<1, T> : evaluate<3, T>)(fibres, theta_i, theta_r, phi, f, pdf);
-        },
-        release());
-    m.def(
-        "far_sample",
-        [](bool chiang, const In<T> &parameters, const In<T> &sigma_a, const In<T> &luminance, const In<T> &theta_r,
-           const In<T> &u, Out<T> theta_i, Out<T> phi, Out<T> f, Out<T> pdf) {
-            const Fibres<T> fibres(chiang, parameters, sigma_a, luminance);
-            (sigma_a.shape(1) == 1 ? draw<1, T> : draw<3, T>)(fibres, theta_r, u, theta_i, phi, f, pdf);
-        },
-        release());
 }
 
 }  // namespace
 
 void bind_far_field(nb::module_ &m) {
-    bind<double>(m);
-    bind<float>(m);
-    bind_among<double>(m, "AmongDouble");
-    bind_among<float>(m, "AmongFloat");
+    bind<double>(m, "AmongDouble");
+    bind<float>(m, "AmongFloat");
     // Columns: at edges gamma and its sine; at middles sine, cosine and the cell's width in h.
     m.def("cell_geometry", [](bool dense, Out<double> out) {
         const auto g = cuticle::cell_geometry<double>(dense);

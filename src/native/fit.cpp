@@ -203,8 +203,7 @@ void bind_fit(nb::module_ &m) {
                                                   loss, gradient, hessian);
             });
         },
-        nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(),
-        nb::arg(), nb::arg(), nb::arg("family") = "normal", nb::call_guard<nb::gil_scoped_release>());
+        nb::call_guard<nb::gil_scoped_release>());
 }
 
 }  // namespace native

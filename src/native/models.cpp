@@ -313,13 +313,9 @@ struct ChiangNear {
     template <class Body>
     void each(std::size_t count, const In<double> &theta_r, const In<double> &h, const Body &body) const {
         const auto tr = broadcast(theta_r), offset = broadcast(h);
-        parallel_for(count, 512, [&](std::size_t begin, std::size_t end) {
-            cuticle::ChiangState<double> prepared{};
-            for (std::size_t i = begin; i < end; ++i) {
-                if (i == begin || tr[i] != tr[i - 1] || offset[i] != offset[i - 1]) prepared = state(tr[i], offset[i]);
-                body(i, prepared);
-            }
-        });
+        for_each_prepared(
+            count, 512, [&](std::size_t i, std::size_t j) { return tr[i] == tr[j] && offset[i] == offset[j]; },
+            [&](std::size_t i) { return state(tr[i], offset[i]); }, body);
     }
 
     void eval(const In<double> &theta_i, const In<double> &theta_r, const In<double> &phi, const In<double> &h, int lobes,

@@ -37,6 +37,18 @@ template <class Body> void parallel_for(std::size_t count, std::size_t least, co
         if (e) std::rethrow_exception(e);
 }
 
+// body(i, prepared) for each i < count, with what prepare(i) makes; it is kept while same(i, i - 1).
+template <class Same, class Prepare, class Body>
+void for_each_prepared(std::size_t count, std::size_t least, const Same &same, const Prepare &prepare, const Body &body) {
+    parallel_for(count, least, [&](std::size_t begin, std::size_t end) {
+        decltype(prepare(begin)) prepared{};
+        for (std::size_t i = begin; i < end; ++i) {
+            if (i == begin || !same(i, i - 1)) prepared = prepare(i);
+            body(i, prepared);
+        }
+    });
+}
+
 // An array of count values, or one value for all of them.
 template <class T> struct Broadcast {
     const T *data;

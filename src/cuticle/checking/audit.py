@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from cuticle._support.extras import needed
 from cuticle._support.files import write_bytes
+from cuticle._support.progress import Progress, silent
 from cuticle.checking.audit_viewer import MEAN_CELLS, measure_viewer
 from cuticle.checking.foreign_sampler import foreign_sampler
 from cuticle.checking.measurements import AuditMeasurement, Reciprocity
@@ -76,7 +77,7 @@ def audit(
     energy: bool = False,
     extra: Sequence[Test] = (),
     name: str | None = None,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> Audit:
     """Audit a sampler: compare what it draws with what its pdf claims, viewer by viewer.
 
@@ -138,7 +139,7 @@ def audit(
     angles = viewers(theta_r, samples, level, seed)
     if (reciprocity or energy) and sampler.eval is None:
         raise ValueError("reciprocity and energy test f: give eval")
-    report = progress or (lambda phase, fraction: None)
+    report = progress or silent
     start = time.perf_counter()
     means = deviations(sidak(level / 2, len(angles) * MEAN_CELLS**2))
     limits = Thresholds(p_value=sidak(level / 2, len(angles)), deviations=means)

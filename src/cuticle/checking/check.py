@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cuticle._support import validate
+from cuticle._support.progress import Progress, silent
 from cuticle.checking.cell_probabilities import CELLS, CellProbabilities, compare_samples, from_cdfs
 from cuticle.checking.measurements import CheckMeasurement, Control, Controls, Drawn
 from cuticle.checking.sphere_integrals import integrate_pdf
@@ -50,7 +51,7 @@ def check(
     level: float = 1e-3,
     seed: int = 1,
     extra: Sequence[Test] = (),
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> Report:
     """Check a sampler: its pdf integrates to 1, its samples follow the pdf, and it estimates ∫ f cos without bias.
 
@@ -83,7 +84,7 @@ def check(
     check_model(model)
     angles = viewers(theta_r, samples, level, seed)
     counts = sampler.covers if strands is None else validate.strand_counts("strands", strands)
-    report = progress or (lambda phase, fraction: None)
+    report = progress or silent
     pairs = [(float(t), n) for n in counts for t in angles]
     each = sidak(level, len(pairs))
     judge = Judge((*TESTS, *extra), Thresholds(each, deviations(each)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -12,7 +13,7 @@ from cuticle._support.plain_values import html_table, plain
 from cuticle._support.values import Value
 from cuticle.checking.audit import Audit
 from cuticle.checking.measurements import AuditMeasurement, Maps
-from cuticle.checking.verdicts import Outcome, Verdict
+from cuticle.checking.verdicts import Outcome, Verdict, worst
 
 Pair = tuple[float, float]
 _CELLS = (61, 61)  # in which the densities are compared; the audit's own of one size
@@ -52,8 +53,7 @@ class Comparison(Value):
     @property
     def outcome(self) -> Outcome:
         """In one word: "fail" where either audit fails, else "inconclusive" where either is, else "pass"."""
-        found = {self.first.outcome, self.second.outcome}
-        return "fail" if "fail" in found else "inconclusive" if "inconclusive" in found else "pass"
+        return worst({self.first.outcome, self.second.outcome})
 
     @property
     def ok(self) -> bool:
@@ -78,6 +78,10 @@ class Comparison(Value):
         viewers = [v._asdict() for v in self.viewers]
         whole = {"ok": self.ok, "outcome": self.outcome, "same_function": self.same_function, "viewers": viewers}
         return dict(plain(whole)) | {"first": self.first.to_dict(), "second": self.second.to_dict()}
+
+    def to_json(self) -> str:
+        """Return `to_dict()` as JSON text."""
+        return json.dumps(self.to_dict(), indent=2, allow_nan=False) + "\n"
 
     def _repr_html_(self) -> str:
         rows = [(f"{np.degrees(v.theta_r):.3g}°", *(f"{x:.3f}" for x in v.ess), f"{v.distance:.3f}") for v in self.viewers]

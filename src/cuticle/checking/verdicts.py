@@ -47,6 +47,11 @@ class Verdict:
         return "pass" if self.passed else "inconclusive" if self.undecided else "fail"
 
 
+def worst(outcomes: Collection[Outcome]) -> Outcome:
+    """Return the worst of some outcomes; of none "inconclusive"."""
+    return "fail" if "fail" in outcomes else "inconclusive" if "inconclusive" in outcomes or not outcomes else "pass"
+
+
 def viewers(theta_r: ArrayLike | None, samples: int, level: float, seed: int) -> NDArray[np.float64]:
     """Check what a check and an audit are asked for; return the viewers' inclinations, shape (N,)."""
     given = MEASURED_AT if theta_r is None else validate.angles("theta_r", theta_r, np.pi / 2 * (1 - 1e-6), np.float64)
@@ -71,8 +76,7 @@ class Judged(Value):
     @property
     def outcome(self) -> Outcome:
         """In one word: "fail" where a verdict fails, else "inconclusive" where one could not be tested, else "pass"."""
-        found = {v.outcome for v in self.verdicts}
-        return "fail" if "fail" in found else "inconclusive" if "inconclusive" in found or not found else "pass"
+        return worst({v.outcome for v in self.verdicts})
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as plain values that JSON can hold (NaN as None), without samples and pictures."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
@@ -144,7 +143,7 @@ def command(
         made = audits[0] if compare is None else compare_audits(*audits)
     written = [] if output is None else _write(made, output)
     if json_output:
-        print(_json(made), end="")
+        print(made.to_json(), end="")
     else:
         for part_made in (made.first, made.second) if isinstance(made, Comparison) else (made,):
             _print(part_made)
@@ -174,14 +173,10 @@ def _audited_library(source: str, asked: _Asked, options: dict[str, Any], progre
     return _prepared(source, [], asked, options)(progress)
 
 
-def _json(made: Audit | Dump | Comparison) -> str:
-    return json.dumps(made.to_dict(), indent=2, allow_nan=False) + "\n"
-
-
 def _write(made: Audit | Dump | Comparison, output: Path) -> list[Path]:
     """Write the numbers, the page and the pictures into a folder, all or none; return their paths."""
     with filling(output) as folder:
-        write_text(folder / "audit.json", _json(made))
+        write_text(folder / "audit.json", made.to_json())
         write_audit_page(folder / "audit.html", made)
         if isinstance(made, Comparison):
             made.first.figure(folder / "first.png")

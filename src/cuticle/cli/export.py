@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -96,30 +97,44 @@ def command(
         write_output(output, amalgamate())
         tell.print(f"wrote {output}: include it, no other file is needed", soft_wrap=True)
         return
-    if family is not None and to is not None:
-        check_frame(frame or DEFAULT_FRAME)
-        name = check_name(name, to) if name is not None else _name_of(output, to)
-        mean = None if among is None else _mean_fibre(among)
-        if mean is not None and host(to).textured:
-            _check_texture(output, f"--to {to} --family dual_scattering", f"{name}.{to}")
-        made = export_family(family, to, frame=frame or DEFAULT_FRAME, name=name, among=mean)
-        if folder:
-            make_directory(output.parent)
-        beside = _written(made, output)
-        tables = f", tables of {made.table_bytes:,} bytes" if family == "dual_scattering" and not made.data else ""
-        tell.print(f"wrote {output}{beside}: {len(made.text):,} characters{tables}, for any fibre", soft_wrap=True)
-        tell.print(_lines_beside(made, name, output), end="", soft_wrap=True, highlight=False)
-        return
-    assert sampler is not None
     assert to is not None
+    if family is None:
+        _check_sampler_options(ctx, to, with_model, model)
+    frame = frame or DEFAULT_FRAME
+    check_frame(frame)
+    name = check_name(name, to) if name is not None else _name_of(output, to)
+    if family is not None:
+        made = _family_export(family, to, output, frame, name, among)
+    else:
+        assert sampler is not None
+        made = _sampler_export(sampler, to, output, frame, name, with_model, model)
+    if folder:
+        make_directory(output.parent)
+    beside = _written(made, output)
+    for line in _said(made, f"wrote {output}{beside}: {len(made.text):,} characters", family):
+        tell.print(line, soft_wrap=True)
+    tell.print(_lines_beside(made, name, output), end="", soft_wrap=True, highlight=False)
+
+
+def _check_sampler_options(ctx: typer.Context, to: str, with_model: bool, model: str | None) -> None:
+    """Refuse a host that there is not, and options that do nothing for it."""
     validate.choice("--to", to, HOSTS)
     if model is not None and not (with_model or to == "web"):
         raise ValueError("--model says which scattering function to put in: give --with-model, too")
     idle = {"name": host(to).named, "frame": host(to).framed, "with_model": host(to).model != "always"}
     refuse_idle(ctx, f"with --to {to}", *(option for option, used in idle.items() if not used))
-    frame = frame or DEFAULT_FRAME
-    check_frame(frame)
-    name = check_name(name, to) if name is not None else _name_of(output, to)
+
+
+def _family_export(family: str, to: str, output: Path, frame: str, name: str, among: str | None) -> Export:
+    mean = None if among is None else _mean_fibre(among)
+    if mean is not None and host(to).textured:
+        _check_texture(output, f"--to {to} --family dual_scattering", f"{name}.{to}")
+    return export_family(family, to, frame=frame, name=name, among=mean)
+
+
+def _sampler_export(
+    sampler: Path, to: str, output: Path, frame: str, name: str, with_model: bool, model: str | None
+) -> Export:
     loaded = Sampler.load(sampler)
     if with_model and host(to).textured:
         _check_texture(output, f"--to {to} --with-model", f"{name}.{to}")
@@ -133,23 +148,21 @@ def command(
         )
     with progress_bar() as progress:
         function = None if model is None else model_of(loaded, model, progress=progress)
-        made = export(loaded, to, frame=frame, name=name, with_model=with_model, model=function, progress=progress)
-    if folder:
-        make_directory(output.parent)
-    beside = _written(made, output)
+        return export(loaded, to, frame=frame, name=name, with_model=with_model, model=function, progress=progress)
+
+
+def _said(made: Export, wrote: str, family: str | None) -> Iterator[str]:
+    """Yield what a user is told of a text: `wrote`, with what is known of its tables."""
+    if family is not None:
+        tables = f", tables of {made.table_bytes:,} bytes" if family == "dual_scattering" and not made.data else ""
+        yield f"{wrote}{tables}, for any fibre"
+        return
     if made.table_bytes > MAX_TABLE:
-        tell.print(
-            f"the table has {made.table_bytes:,} bytes, more than the {MAX_TABLE:,} of a small uniform block", soft_wrap=True
-        )
-    tell.print(
-        f"wrote {output}{beside}: {len(made.text):,} characters, a table of {made.table_bytes:,} bytes", soft_wrap=True
-    )
+        yield f"the table has {made.table_bytes:,} bytes, more than the {MAX_TABLE:,} of a small uniform block"
+    yield f"{wrote}, a table of {made.table_bytes:,} bytes"
     if made.model is not None:
-        tell.print(
-            f"the scattering function's tables: {made.model.size:,} bytes, within {100 * made.model.error:.2g} % of ∫ f cos",
-            soft_wrap=True,
-        )
-    tell.print(_lines_beside(made, name, output), end="", soft_wrap=True, highlight=False)
+        error = f"{100 * made.model.error:.2g} % of ∫ f cos"
+        yield f"the scattering function's tables: {made.model.size:,} bytes, within {error}"
 
 
 def _texture_of(output: Path) -> Path:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cuticle._support.extras import needed
 from cuticle._support.files import make_directory, write_bytes, write_text
 from cuticle._support.plain_values import html_table
-from cuticle._support.progress import Progress
+from cuticle._support.progress import Progress, silent
 from cuticle.draft import claims as judge
 from cuticle.draft.as_values import as_values
 from cuticle.draft.findings import Findings, Mixing
@@ -70,7 +70,7 @@ class Document(Findings):
             from cuticle._support.plots import figure_bytes
             from cuticle.draft.figures import figures
 
-        report = progress or (lambda phase, fraction: None)
+        report = progress or silent
         target = make_directory(Path(folder) / "figures").parent
         drawn = figures(self)
         entries = {}
@@ -114,7 +114,7 @@ def document(
     >>> d.found.functions.mu_H.terms[1].theta
     'θ'
     """
-    report = progress or (lambda phase, fraction: None)
+    report = progress or silent
     if isinstance(fibre, str):
         name = name or fibre
         fibre = Fibre.preset(fibre)

@@ -204,7 +204,7 @@ def figure_functions(
             ax.plot(t, unit * form(np.radians(t)), color=BLUE, lw=1.5, label=f"found: {form.text(degrees=unit != 1)}")
         if printed is not None:
             keys = np.array([k[0] for k in printed.table_2])
-            values = np.array([v[1 if name == "sigma_V" else column] for v in printed.table_2.values()])
+            values = np.array([v[column] for v in printed.table_2.values()])
             ax.plot(keys, values, "s", mfc="none", mec=ORANGE, ms=5, label="the draft's table 2")
             form = getattr(DRAFT, name)
             ax.plot(

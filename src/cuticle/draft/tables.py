@@ -84,7 +84,7 @@ def _slice(model: Bcsdf, theta_i: NDArray, theta_r: float, phi: float | NDArray)
     return f * np.cos(theta_i)
 
 
-def along_theta(model: Bcsdf, theta_r: float, axis: float, per: str = "steradian") -> Curve:
+def along_theta(model: Bcsdf, theta_r: float, axis: float, per: str) -> Curve:
     """Return the slice along theta_i at the highlight's azimuth: f·cos, or f·cos² where it is told per radian."""
     if per == "radian":
         return lambda x: _slice(model, x, theta_r, axis) * np.cos(x)
@@ -107,14 +107,14 @@ def around(model: Bcsdf, theta_r: float, cosines: int = 2) -> Curve:
     return curve
 
 
-def table_1(model: Bcsdf, theta_r: Sequence[float] = THETA_R_1, phi_r: Sequence[float] = PHI_R) -> tuple[PeakRow, ...]:
-    """Return the position of the maximum for each viewer; arguments in degrees.
+def table_1(model: Bcsdf) -> tuple[PeakRow, ...]:
+    """Return the position of the maximum for each viewer.
 
     Every viewer is searched over all directions, as the draft did.
     """
     rows = []
-    for p in np.radians(phi_r):
-        for t in theta_r:
+    for p in np.radians(PHI_R):
+        for t in THETA_R_1:
             peak = tabulate(_Turned(model, float(p)), near_pole(t), n_theta=360, n_phi=720).peak
             mirror = wrap_angle(2 * float(p) - peak.phi)
             rows.append(PeakRow(float(p), math.radians(t), peak.theta_i, peak.phi, mirror))

@@ -11,6 +11,7 @@ import numpy as np
 
 from cuticle._support import validate
 from cuticle._support.plain_values import plain
+from cuticle._support.progress import Progress, silent
 from cuticle._support.values import Value
 from cuticle._support.version import __version__
 from cuticle.export.family import about_family, family_writer
@@ -44,7 +45,7 @@ def export(
     name: str = "fibre",
     with_model: bool = False,
     model: Bcsdf | None = None,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> Export:
     """Return a sampler as a source file of its own, its table inlined.
 
@@ -96,7 +97,7 @@ def export(
         raise ValueError(f"--to {to} writes the sampler alone: leave --with-model out (with_model=False)")
     if model is not None:
         check_model(model)
-    report = progress or (lambda phase, fraction: None)
+    report = progress or silent
     wanted = with_model or target.model == "always"
     known = model if model is not None else (model_of(sampler) if wanted else _known(sampler))
     tables = None

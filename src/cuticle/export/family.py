@@ -18,7 +18,7 @@ _ABOUT = {
 }
 
 
-def about_family(form: str, among: FamilyAmong | None = None) -> list[str]:
+def about_family(form: str, among: FamilyAmong | None) -> list[str]:
     """Return lines that say which family a file is of."""
     lines = [f"Made by Cuticle {__version__}: the far field of any fibre. {_ABOUT[form]}"]
     return lines if among is None else [*lines, f"Among strands of a mean fibre: {among.among!r}."]

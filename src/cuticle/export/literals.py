@@ -27,14 +27,14 @@ def singles(values: ArrayLike, suffix: str = "f") -> list[str]:
     return [words[i] for i in where.reshape(-1)]
 
 
-def wrapped(words: Iterable[str], indent: int = 4, width: int = 125) -> str:
-    """Return words with commas between, on lines of at most `width` columns."""
+def wrapped(words: Iterable[str], indent: int = 4) -> str:
+    """Return words with commas between, on lines of at most 125 columns."""
     lines: list[list[str]] = []
     room = 0
     for word in words:
         room -= len(word) + 2
         if room < -1 or not lines:  # no space ends a line
             lines.append([])
-            room = width - indent - len(word) - 2
+            room = 125 - indent - len(word) - 2
         lines[-1].append(word)
     return ",\n".join(" " * indent + ", ".join(line) for line in lines)

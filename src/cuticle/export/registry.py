@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
+from cuticle._support.progress import Progress
 from cuticle.export import hosts
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.bcsdf import Bcsdf
@@ -71,7 +72,7 @@ class Job:
     about: Callable[[], list[str]]
     tables: Tables | None
     model: Bcsdf | None
-    progress: Callable[[str, float], None]
+    progress: Progress
 
     @property
     def lobe_family(self) -> str:

@@ -160,7 +160,7 @@ DRAFT = DocumentFunctions(
 )
 
 
-def document_nodes(strands: Sequence[float], defensive: float, functions: DocumentFunctions = DRAFT) -> Values:
+def document_nodes(strands: Sequence[float], defensive: float, functions: DocumentFunctions) -> Values:
     """Return the table (strand counts, theta nodes, 5, lobes) of the draft's form with a defensive share.
 
     The defensive lobe is close to a uniform sphere: without it weights have no bound.

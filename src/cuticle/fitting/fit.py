@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cuticle._support import validate
-from cuticle._support.progress import Progress, part
+from cuticle._support.progress import Progress, part, silent
 from cuticle.fitting.closed_forms import DRAFT, DocumentFunctions, document_nodes
 from cuticle.fitting.closed_forms import THETA_NODES as DOCUMENT_NODES
 from cuticle.fitting.costs import traced_cost
@@ -97,7 +97,7 @@ def fit(
     validate.choice("form", form, FORMS)
     validate.choice("objective", objective, OBJECTIVES)
     validate.choice("family", family, (*FAMILIES, BEST))
-    report = progress or (lambda phase, fraction: None)
+    report = progress or silent
     if family == BEST:
         tried = {
             name: fit(

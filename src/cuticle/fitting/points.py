@@ -103,8 +103,8 @@ def make_points(
     family: str,
     *,
     dense: bool,
-    nodes: int = THETA_NODES,
-    known: Points | None = None,
+    nodes: int,
+    known: Points | None,
 ) -> Points:
     """Tabulate the targets that a fit of these strand counts looks at; `dense`: all viewers at every count between rows.
 
@@ -116,9 +116,7 @@ def make_points(
     at_node = np.concatenate([np.arange(nodes), near_poles, *(middle + x for x in _BESIDE)])
     kind = np.repeat(range(len(_BESIDE) + 1), [nodes + 4, *[nodes - 1] * len(_BESIDE)])
     at_row = np.arange(4 * len(strands) - 3) / 4
-    beside = np.resize(
-        [1, 2, 1, 3], len(at_row)
-    )  # the kind that is seen at each: halfway, at a third, halfway, at two thirds
+    beside = np.resize([1, 2, 1, 3], len(at_row))  # the kind seen at each: halfway, at a third, halfway, at two thirds
     seen = (kind == 0) | (kind == beside[:, None])
     if not dense:
         seen &= (at_row[:, None] % 1 == np.resize(_BETWEEN, len(at_node))) | (at_row[:, None] % 1 == 0)

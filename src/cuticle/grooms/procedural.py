@@ -47,8 +47,7 @@ def hair_ball(
     strands, points = _sizes(strands, points, 2, 256, radius=radius, length=length)
     curl = validate.number("curl", curl, 0, 100)
     rng = validate.random_numbers(seed)
-    normal = rng.standard_normal((strands, 3))
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    normal = _unit(rng.standard_normal((strands, 3)))
     position = radius * normal
     direction = normal * (1 + 0.05 * rng.standard_normal((strands, 1)))
     step = length / (points - 1)
@@ -56,8 +55,7 @@ def hair_ball(
     for k in range(1, points):
         at = position / radius
         field = np.stack([np.sin(3 * at[:, 1] + 1), np.sin(3 * at[:, 2] + 2), np.sin(3 * at[:, 0] - 1)], axis=1)
-        direction = direction + curl * (k / points) * field
-        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        direction = _unit(direction + curl * (k / points) * field)
         position = position + step * direction
         rows.append(position)
     all_points = np.stack(rows, axis=1).reshape(-1, 3).astype(np.float32)
@@ -172,6 +170,11 @@ def hair_head(
     return join_grooms(parts).with_thickness(0.0016, 0.0006)
 
 
+def _unit(vectors: Array, least: float = 0.0) -> Array:
+    """Vectors (..., 3) over their lengths, which are taken to be at least `least`."""
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), least)
+
+
 def _sizes(strands: int, points: int, least: int, most: int, **lengths: float) -> tuple[int, int]:
     """The numbers of strands and of a strand's points, and lengths, held to what they may be."""
     for name, value in lengths.items():
@@ -183,8 +186,7 @@ def _scalp(count: int, rng: np.random.Generator) -> Array:
     """Roots, evenly over what of the skull grows hair: down to the forehead, the ears, the nape."""
     found: list[Array] = []
     while sum(map(len, found)) < count:
-        d = rng.standard_normal((4 * count + 64, 3))
-        d /= np.linalg.norm(d, axis=1, keepdims=True)
+        d = _unit(rng.standard_normal((4 * count + 64, 3)))
         front = d[:, 2] / np.maximum(np.hypot(d[:, 0], d[:, 2]), 1e-9)
         hairline = np.where(front > 0, 0.05 + 0.5 * np.abs(front) ** 1.5, 0.05 - 0.55 * np.abs(front) ** 0.8)
         found.append(d[d[:, 1] > hairline])
@@ -195,25 +197,21 @@ def _fall(root: Array, points: int, length: float, body: Bust, rng: np.random.Ge
     """Strands of the full length from their roots, under their own weight, outside the body: (strands, points, 3), and how
     far outside they are kept, (strands, 1).
     """
-    up = root / _SKULL**2
-    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    up = _unit(root / _SKULL**2)
     top = np.clip((root[:, 1] - 0.1) / 0.6, 0, 1)[:, None]
     # Away from the parting, a line from the forehead to the crown, and around its end.
     away = np.stack([root[:, 0] - _PART, np.zeros(len(root)), np.minimum(root[:, 2] - _CROWN, 0)], axis=1)
-    away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-3)
+    away = _unit(away, 1e-3)
     combed = top * (0.9 * away + np.array([0.0, -0.2, -0.25])) + (1 - top) * np.array([0.0, -1.0, -0.15])
     combed -= (combed * up).sum(axis=1, keepdims=True) * up
-    combed /= np.maximum(np.linalg.norm(combed, axis=1, keepdims=True), 1e-9)
-    direction = combed + 0.7 * up + 0.12 * rng.standard_normal(root.shape)
-    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    direction = _unit(_unit(combed, 1e-9) + 0.7 * up + 0.12 * rng.standard_normal(root.shape))
     # Layers: hair from higher up lies on hair from below it.
     margin = 0.03 + 0.1 * np.clip(root[:, 1:2] + 0.5, 0, 1.5) / 1.5 + 0.03 * rng.random((len(root), 1))
     step = length / (points - 1)
     position, rows = root, [root]
     weight = (5.0 + rng.random((len(root), 1))) * np.array([0.0, -1.0, 0.0])
     for k in range(1, points):
-        direction = direction + step * weight * min(1.0, 0.35 + k / points)
-        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        direction = _unit(direction + step * weight * min(1.0, 0.35 + k / points))
         position = position + step * direction
         depth = margin[:, 0] - body.distance(position)
         inside = depth > 0
@@ -226,11 +224,10 @@ def _fall(root: Array, points: int, length: float, body: Bust, rng: np.random.Ge
 
 def _waves(path: Array, s: Array, waves: float, phase: Array) -> Array:
     """Offsets of a helix about each strand, growing from the root."""
-    along = np.gradient(path, axis=1)
-    along /= np.maximum(np.linalg.norm(along, axis=2, keepdims=True), 1e-9)
+    along = _unit(np.gradient(path, axis=1), 1e-9)
     outward = path * np.array([1.0, 0.0, 1.0])
     outward -= (outward * along).sum(axis=2, keepdims=True) * along
-    outward /= np.maximum(np.linalg.norm(outward, axis=2, keepdims=True), 1e-9)
+    outward = _unit(outward, 1e-9)
     turn = 2 * np.pi * waves * s + phase[:, None, None]
     size = 0.06 * (waves > 0) * np.clip(1.3 * s, 0, 1) ** 1.5
     return size * (np.cos(turn) * outward + 0.8 * np.sin(turn) * np.cross(along, outward))

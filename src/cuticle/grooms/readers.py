@@ -91,7 +91,7 @@ def known_endings() -> str:
     return ", ".join(ending for reader in READERS for ending in reader.endings)
 
 
-def format_of(path: str | os.PathLike[str], but: tuple[str, ...] = ()) -> str | None:
+def format_of(path: str | os.PathLike[str], but: tuple[str, ...]) -> str | None:
     """Return the name of the format that a path's ending is read as; None of an unknown ending, and of those in `but`."""
     ending = Path(path).suffix.lower()
     return next((r.name for r in READERS if ending in r.endings and ending not in but), None)

@@ -34,7 +34,7 @@ with needed("cuticle.mitsuba"):
     import mitsuba as mi
 
 from cuticle.mitsuba.build import build  # noqa: E402 - where Mitsuba is absent, its own message
-from cuticle.mitsuba.material import Material, read_material  # noqa: E402
+from cuticle.mitsuba.material import Material, material_of, read_material  # noqa: E402
 from cuticle.mitsuba.parameters import Parameters  # noqa: E402
 from cuticle.mitsuba.strand_values import make_texture, strand_texture  # noqa: E402
 from cuticle.mitsuba.textures import mean_of, refuse_mesh, textures_of  # noqa: E402
@@ -103,7 +103,8 @@ def _make_bsdf(props: Any) -> Any:
     if isinstance(scale, (int, float)):
         validate.number("scale", scale, 0, 1e9, remedy="it multiplies the absorption")
     given |= {name: mean_of(name, texture) for name, texture in textures.items()}  # which stands for it
-    material, asked = read_material(given, textures, scaled=scale is not None), Parameters(**given)
+    asked = Parameters(**given)
+    material = material_of(asked, textures, scaled=scale is not None)
     # Files as they are found now: beside the scene's file, while it is loaded. Another sampling would be another plugin.
     found = {name: path for name in ("fibre", "filename") if (path := getattr(asked, name)) is not None}
     scene = given | found | ({} if material.near else {"sampling": OWN if material.own else asked.sampling or "lobes"})

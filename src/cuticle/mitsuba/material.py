@@ -56,16 +56,21 @@ class Material(NamedTuple):
 
 
 def read_material(given: dict[str, Any], textures: Collection[str] = (), *, scaled: bool = False) -> Material:
-    """Return the scattering function and the samplers that a plugin's parameters describe.
+    """Return the scattering function and the samplers that a plugin's parameters describe; the rest as in `material_of`."""
+    return material_of(Parameters(**given), textures, scaled=scaled)
 
-    `textures` are the names of those that are textures, each with a number in `given`; `scaled`, whether there is a `scale`.
+
+def material_of(asked: Parameters, textures: Collection[str] = (), *, scaled: bool = False) -> Material:
+    """Return the scattering function and the samplers that a scene asks for.
+
+    `textures` are the names of parameters that are textures, each of which has a number in `asked`; `scaled`, whether there
+    is a `scale`.
 
     Raises
     ------
     ValueError
         One line: the parameter, the values it may have, the value received.
     """
-    asked = Parameters(**given)
     loaded = read_sampler(asked)
     function = read_function(asked, loaded)
     if asked.near:
@@ -74,8 +79,7 @@ def read_material(given: dict[str, Any], textures: Collection[str] = (), *, scal
         single: Any = function.model if isinstance(function, Strands) else function
         if (reason := _no_closed_form(single)) is None:
             _check_channels(single.channels)
-            given = {name: asked.own.get(name, getattr(single, name, 1.0)) for name in DENSITIES}
-            d_f, d_b = (validate.number(name, x, 0, 1) for name, x in given.items())
+            d_f, d_b = (validate.number(n, asked.own.get(n, getattr(single, n, 1.0)), 0, 1) for n in DENSITIES)
             return Material(single, None, None, own=True, densities=(d_f, d_b), direct_share=asked.direct_share)
         if asked.sampling == OWN:
             raise ValueError(f"sampling {OWN}: {reason}; use lobes")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cuticle._support import validate
 from cuticle._support.extras import MissingExtraError
-from cuticle._support.progress import Progress, expect
+from cuticle._support.progress import Progress, expect, silent
 from cuticle.reference.balls import working_precision
 from cuticle.reference.cases import REGIONS, Inputs
 from cuticle.reference.findings import Checked, Findings, Worst
@@ -79,7 +79,7 @@ def check(
     if tolerance is not None:
         validate.number("tolerance", tolerance, 1e-12, 1)
     given = values if isinstance(values, Submission) else read(values, cases=cases, model=model)
-    report = progress or (lambda phase, fraction: None)
+    report = progress or silent
     inputs, F = given.inputs, formulas_of(given.inputs)
     expect(progress, len(inputs) * (4e-5 if inputs.near else 2e-3) + (3 if inputs.near else 30))
     if f_cos:

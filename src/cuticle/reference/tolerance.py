@@ -101,7 +101,7 @@ class Quantity:
 
 def quantity(
     name: str, given: Array, F: Formulas, inputs: Inputs, right: Evaluated, precision: str, tolerance: float | None,
-    written: float = 0.0,
+    written: float,
 ) -> Quantity:  # fmt: skip
     """Return the quantity with its tolerances; `written`: by how much a value may be off as it was printed."""
     averaged = not inputs.near

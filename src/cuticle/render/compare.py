@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cuticle._support import validate
 from cuticle._support.extras import needed
 from cuticle._support.files import make_directory, write_bytes, write_text
-from cuticle._support.progress import Progress, expect
+from cuticle._support.progress import Progress, expect, silent
 from cuticle.grooms.groom import Groom
 from cuticle.render.picture import Image, Pass, expected_seconds, over_backdrop, passes, rel_mse, render, srgb
 from cuticle.render.scene import Light, View, bsdf, integrator, load_scene, mitsuba
@@ -142,7 +142,7 @@ def compare_samplings(
     mi = mitsuba(variant)
     from cuticle.mitsuba.material import samplings_of  # Mitsuba is here, else this would have ended in one line
 
-    report = progress or (lambda phase, fraction: None)
+    report = progress or silent
     samples = {"bsdf": (0, 1), "mis": (1, 1)}
 
     def scene(sampling: str, technique: str) -> Any:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from cuticle._support import validate
 from cuticle._support.files import write_bytes
+from cuticle._support.progress import Progress
 
 __all__ = ["FORMATS", "Pass", "expected_seconds", "over_backdrop", "passes", "rel_mse", "render", "save_picture", "srgb"]
 
@@ -101,7 +102,7 @@ def expected_seconds(scene: Any, spp: int) -> float | None:
     return spp * width * height * (long - short) / (many - few)
 
 
-def render(scene: Any, spp: int, *, seed: int = 0, progress: Callable[[str, float], None] | None = None) -> Pass:
+def render(scene: Any, spp: int, *, seed: int = 0, progress: Progress | None = None) -> Pass:
     """Render a scene and report the progress; arguments as in `passes`."""
     last: Pass | None = None
     for last in passes(scene, spp, seed=seed):
@@ -117,9 +118,9 @@ def rel_mse(image: Image, reference: Image) -> float:
     return float(np.mean((i - r) ** 2 / (r**2 + 0.01)))
 
 
-def over_backdrop(image: Image, top: float = 0.14, bottom: float = 0.045) -> Image:
+def over_backdrop(image: Image) -> Image:
     """Return the picture over a plain grey that darkens downward, shape (height, width, 3), linear."""
-    ramp = np.linspace(top, bottom, image.shape[0])[:, None, None] * np.array([0.92, 1.0, 1.12])
+    ramp = np.linspace(0.14, 0.045, image.shape[0])[:, None, None] * np.array([0.92, 1.0, 1.12])
     return image[..., :3] + (1 - np.clip(image[..., 3:], 0, 1)) * ramp
 
 

@@ -144,8 +144,9 @@ def _unit(v: Any) -> NDArray[np.float64]:
     return x / np.linalg.norm(x)
 
 
-def _softboxes(axes: NDArray[np.float64], height: int = 128) -> NDArray[np.float32]:
+def _softboxes(axes: NDArray[np.float64]) -> NDArray[np.float32]:
     """An environment: key, fill and rim light as soft patches over a dim room; latitude-longitude, Mitsuba's axes."""
+    height = 128
     v, u = np.meshgrid((np.arange(height) + 0.5) / height, (np.arange(2 * height) + 0.5) / (2 * height), indexing="ij")
     theta, phi = np.pi * v, 2 * np.pi * u
     direction = np.stack([np.sin(theta) * np.sin(phi), np.cos(theta), -np.sin(theta) * np.cos(phi)], axis=-1)

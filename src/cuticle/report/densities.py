@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,29 +14,18 @@ from cuticle.sampling.quality import measure
 from cuticle.sampling.sampler import Sampler
 from cuticle.scattering.bcsdf import Bcsdf, with_strands
 
-VIEWERS = (-85, -60, -30, 0, 30, 60, 85)
+VIEWERS = (-85, -60, -30, 0, 30, 60, 85)  # theta_r in degrees, a column each
 _HALO = [withStroke(linewidth=2.5, foreground="#00000099")]
 
 
-def densities_figure(
-    sampler: Sampler, model: Any, *, viewers: Sequence[float] = VIEWERS, strands: Sequence[float] | None = None
-) -> bytes:
+def densities_figure(sampler: Sampler, model: Any) -> bytes:
     """Return a PNG: for each viewer f·cos(theta_i) above the fitted pdf, on one scale, with the ESS below.
 
-    Parameters
-    ----------
-    sampler, model
-        A fitted sampler and the model it is for.
-    viewers
-        theta_r in degrees, a column each.
-    strands
-        Strand counts, a pair of rows each; direct light and the middle count if left out.
+    Both are shown for direct light and for the middle strand count of a sampler, or for each of its counts if it has two.
     """
-    if strands is None:
-        strands = (
-            sampler.strands if len(sampler.strands) < 3 else (sampler.strands[0], sampler.strands[len(sampler.strands) // 2])
-        )
-    columns, rows = len(viewers), 2 * len(strands)
+    counts = sampler.strands
+    strands = counts if len(counts) < 3 else (counts[0], counts[len(counts) // 2])
+    columns, rows = len(VIEWERS), 2 * len(strands)
     figure = Figure(figsize=(1.72 * columns + 1.1, 1.62 * rows + 1.25), facecolor=PAPER, dpi=150)
     grid = figure.add_gridspec(
         rows, columns, left=0.085, right=0.985, bottom=0.095, top=0.86, wspace=0.08,
@@ -45,7 +33,7 @@ def densities_figure(
     )  # fmt: skip
     for pair, n in enumerate(strands):
         own = with_strands(model, n)
-        for column, degrees in enumerate(viewers):
+        for column, degrees in enumerate(VIEWERS):
             theta_r = float(np.radians(degrees))
             d = tabulate(own, theta_r, n_theta=180, n_phi=240)
             quality = measure(sampler, own, theta_r, n)

@@ -33,7 +33,7 @@ def core_table(
     energy: NDArray[np.float64],
     strands: tuple[float, ...],
     even: bool,
-    family: str = NORMAL,
+    family: str,
     dtype: Any = np.float64,
 ) -> Any:
     """Return the core's sampler of a table of lobes, shape (strand counts, theta nodes, 5, K), in `dtype`."""
@@ -44,7 +44,7 @@ def core_table(
 
 
 def mixture_density(
-    lobes: NDArray[np.float64], theta_i: NDArray[np.float64], phi: NDArray[np.float64], even: bool, family: str = NORMAL
+    lobes: NDArray[np.float64], theta_i: NDArray[np.float64], phi: NDArray[np.float64], even: bool, family: str
 ) -> NDArray[np.float64]:
     """Return the density of one mixture, lobes (5, K), on the product of two axes, in d theta_i d phi: shape (A, B)."""
     assert lobes.shape[0] == len(PARAMETERS)

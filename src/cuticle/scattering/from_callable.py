@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cuticle._support import validate
-from cuticle._support.progress import Progress
+from cuticle._support.progress import Progress, silent
 from cuticle._support.values import Value
 from cuticle.scattering.bcsdf import Plotted
+from cuticle.scattering.table_axes import grid_axes
 from cuticle.scattering.tabulated import Tabulated
 
 GRID = (25, 91, 181)  # viewers, theta_i, phi over a whole turn
@@ -117,7 +118,7 @@ def from_callable(
         )
     if vectorised and repeats == 1:
         return Function(function, even)
-    return _tabulate(function, ask, even, repeats, sizes, progress or (lambda phase, fraction: None))
+    return _tabulate(function, ask, even, repeats, sizes, progress or silent)
 
 
 def _tabulate(
@@ -128,9 +129,7 @@ def _tabulate(
     sizes: tuple[int, ...],
     progress: Progress,
 ) -> Tabulated:
-    theta_r = np.linspace(-np.pi / 2, np.pi / 2, sizes[0]) * 0.995
-    theta_i = np.linspace(-np.pi / 2, np.pi / 2, sizes[1]) * 0.999
-    phi = np.linspace(0, np.pi, sizes[2] // 2 + 1) if even else np.linspace(-np.pi, np.pi, sizes[2])[:-1]
+    theta_r, theta_i, phi = grid_axes(sizes, even)
     ti, ph = (x.ravel() for x in np.meshgrid(theta_i, phi, indexing="ij"))
     sheets, error = [], 0.0
     for i, viewer in enumerate(theta_r):

@@ -20,13 +20,14 @@ from numpy.typing import ArrayLike, NDArray
 from cuticle._support import validate
 from cuticle._support.backends import check_backend, has_llvm
 from cuticle._support.extras import needed
-from cuticle._support.progress import Progress
+from cuticle._support.progress import Progress, silent
 from cuticle._support.quadrature import gauss_legendre
 from cuticle._support.values import Value
 from cuticle.scattering import conventions
 from cuticle.scattering.bcsdf import Plotted
 from cuticle.scattering.chiang import PARTS, Chiang, ChiangNear
 from cuticle.scattering.registry import first_class, restores
+from cuticle.scattering.table_axes import grid_axes
 from cuticle.scattering.tabulated import Tabulated
 
 OFFSETS = 24  # Gauss-Legendre points of the angle asin(h) where h is averaged
@@ -211,11 +212,9 @@ def from_mitsuba(
         )
     if h is not None:
         return MitsubaBsdf(loaded, variant, h, given)
-    report = progress or (lambda phase, fraction: None)
+    report = progress or silent
     gamma, weight = gauss_legendre(np.array([-np.pi / 2, np.pi / 2]), OFFSETS)
-    theta_r = np.linspace(-np.pi / 2, np.pi / 2, grid[0]) * 0.995
-    theta_i = np.linspace(-np.pi / 2, np.pi / 2, grid[1]) * 0.999
-    phi = np.linspace(-np.pi, np.pi, grid[2])[:-1]
+    theta_r, theta_i, phi = grid_axes(grid)
     sheets: list[Any] = [0.0] * len(theta_r)
     for k, (g, w) in enumerate(zip(gamma, weight, strict=True)):
         near = MitsubaBsdf(loaded, variant, float(np.sin(g)), given)
@@ -264,8 +263,7 @@ def _load(bsdf: Any, parameters: dict[str, Any], fast: bool) -> tuple[str, Any, 
             raise ValueError(f"Mitsuba refuses {given}: {reason}") from None
         if not hasattr(loaded, "eval_pdf"):
             raise ValueError(f"{given.get('type')!r} is not a BSDF of Mitsuba")
-        flags = mi.BSDFFlags
-        if not mi.has_flag(loaded.flags(), flags.Smooth):
+        if not mi.has_flag(loaded.flags(), mi.BSDFFlags.Smooth):
             raise ValueError(f"{given.get('type')!r} scatters into single directions only, so it has no density")
     return variant, loaded, given
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,17 @@ def increasing(name: str, x: NDArray, least: int) -> NDArray[np.float64]:
         at = int(np.argmax(np.diff(x) <= 0))
         raise ValueError(f"{name} must be increasing, got {x[at]:.5g} and then {x[at + 1]:.5g} (item {at + 1})")
     return x.clip(-limit, limit)
+
+
+def grid_axes(sizes: Sequence[int], even: bool = False) -> tuple[NDArray, NDArray, NDArray]:
+    """Return theta_r, theta_i and phi, radians, for a table of so many of each over the sphere.
+
+    Inclinations stop short of the poles, where f·cos degenerates; phi runs over half a turn of an even function.
+    """
+    theta_r = np.linspace(-np.pi / 2, np.pi / 2, sizes[0]) * 0.995
+    theta_i = np.linspace(-np.pi / 2, np.pi / 2, sizes[1]) * 0.999
+    phi = np.linspace(0, np.pi, sizes[2] // 2 + 1) if even else np.linspace(-np.pi, np.pi, sizes[2])[:-1]
+    return theta_r, theta_i, phi
 
 
 def shaped(values: ArrayLike, r: int, a: int, b: int) -> NDArray:

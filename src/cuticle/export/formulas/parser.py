@@ -221,7 +221,7 @@ class Parser:
     def statement(self) -> Iterator[Statement]:
         """Read a statement; a declaration of several names is several."""
         if self.take("return"):
-            value = self.braced(None) if self.here.text == "{" else self.expression()
+            value = self.value()
             self.want(";")
             yield Return(value)
         elif self.take("if"):
@@ -272,16 +272,19 @@ class Parser:
             length, width = self.length(), self.length()
             if self.here.text == "{":
                 value = self.braced(None)
-            elif self.here.text == "(":
-                self.want("(")
+            elif self.take("("):
                 value = Call(kind, (self.expression(),))
                 self.want(")")
             elif self.take("="):
-                value = self.braced(None) if self.here.text == "{" else self.expression()
+                value = self.value()
             yield Variable(kind, name, value, length, width, constant)
             if not self.take(","):
                 self.want(";")
                 return
+
+    def value(self) -> Expr:
+        """Read a list in braces, or an expression."""
+        return self.braced(None) if self.here.text == "{" else self.expression()
 
     def length(self) -> Expr | int | None:
         """Read [length] or [], if it is there."""
@@ -322,7 +325,7 @@ class Parser:
         symbol = self.next().text
         if symbol not in ("=", "+=", "-=", "*=", "/="):
             self.refuse(f"{symbol!r}")
-        value = self.braced(None) if self.here.text == "{" else self.expression()
+        value = self.value()
         self.want(";")
         return Assign(target, symbol, value)
 
@@ -394,7 +397,7 @@ class Parser:
         """Read expressions with commas between, and `end`."""
         out: list[Expr] = []
         while not self.take(end):
-            out.append(self.braced(None) if self.here.text == "{" else self.expression())
+            out.append(self.value())
             if self.here.text != end:
                 self.want(",")
         return tuple(out)
