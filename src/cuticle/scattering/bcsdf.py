@@ -11,6 +11,7 @@ from cuticle._support import validate
 from cuticle._support.extras import needed
 
 REC709 = (0.2126, 0.7152, 0.0722)
+_UNEVEN = 1e-3  # of the largest f cos, between the two sides of a function that is even
 
 
 class Sample(NamedTuple):
@@ -61,6 +62,25 @@ class Plotted:
 def is_even(model: object) -> bool:
     """Return whether a model declares itself even in phi; the default is no."""
     return bool(getattr(model, "even", False))
+
+
+def checked_even(model: Bcsdf) -> bool:
+    """Return the same, after a look at both sides of three viewers' highlights; raise ValueError where they differ."""
+    if not is_even(model):
+        return False
+    side = np.linspace(0.1, 3.0, 16)
+    for viewer in (-0.7, 0.1, 1.0):
+        theta_i = np.clip(-viewer + np.linspace(-0.4, 0.4, 9), -1.5, 1.5)
+        right, left = np.split(evaluate(model, theta_i, viewer, np.concatenate([side, -side])), 2, axis=1)
+        apart = np.abs(right - left)
+        if apart.max() > _UNEVEN * max(right.max(), left.max()):
+            a, b, _ = np.unravel_index(int(np.argmax(apart)), apart.shape)
+            f = [luminance(f_cos[a, b]) / np.cos(theta_i[a]) for f_cos in (right, left)]
+            raise ValueError(
+                f"a model with even=True must be even in phi, {model!r} is not: f is {f[0]:.4g} at theta_i {theta_i[a]:.4g},"
+                f" theta_r {viewer:.4g}, phi {side[b]:.4g} rad and {f[1]:.4g} at phi {-side[b]:.4g}; leave even out"
+            )
+    return True
 
 
 def strands_of(model: object) -> float:
