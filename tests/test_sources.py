@@ -70,6 +70,15 @@ def test_what_is_said_to_be_even_and_is_not_is_refused(use: Callable[[], Any]) -
     assert "\n" not in str(caught.value)
 
 
+def test_an_even_function_of_numbers_may_have_holes() -> None:
+    """NaN at azimuths below 0 is no difference between the sides."""
+
+    def with_holes(theta_i: float, theta_r: float, phi: float) -> float:
+        return math.nan if phi < 0 else math.exp(-((theta_i + theta_r) ** 2)) / 10
+
+    assert isinstance(from_callable(with_holes, even=True, grid=(13, 25, 25)), Tabulated)
+
+
 def test_a_function_that_is_no_scattering_is_refused_at_once() -> None:
     for wrong in (lambda ti, tr, phi: -np.ones_like(ti), lambda ti, tr, phi: np.nan * ti):
         with pytest.raises(ValueError, match="must be finite and at least 0"):

@@ -65,20 +65,28 @@ def is_even(model: object) -> bool:
 
 
 def checked_even(model: Bcsdf) -> bool:
-    """Return the same, after a look at both sides of three viewers' highlights; raise ValueError where they differ."""
+    """Return the same, after a look at both sides of three viewers' highlights; raise ValueError where they differ.
+
+    What is no number, or of a wrong shape, is left to `evaluate` and to tables, in which NaN is a hole.
+    """
     if not is_even(model):
         return False
     side = np.linspace(0.1, 3.0, 16)
     for viewer in (-0.7, 0.1, 1.0):
         theta_i = np.clip(-viewer + np.linspace(-0.4, 0.4, 9), -1.5, 1.5)
-        right, left = np.split(evaluate(model, theta_i, viewer, np.concatenate([side, -side])), 2, axis=1)
-        apart = np.abs(right - left)
-        if apart.max() > _UNEVEN * max(right.max(), left.max()):
-            a, b, _ = np.unravel_index(int(np.argmax(apart)), apart.shape)
-            f = [luminance(f_cos[a, b]) / np.cos(theta_i[a]) for f_cos in (right, left)]
+        f = validate.real(
+            "what model.eval returns", model.eval(theta_i[:, None], viewer, np.concatenate([side, -side])[None])
+        )
+        if f.shape[:-1] != (len(theta_i), 2 * len(side)):
+            return True
+        right, left = np.split(np.where(np.isfinite(f), f, np.nan), 2, axis=1)
+        apart = np.nan_to_num(np.abs(right - left))
+        if apart.max() > _UNEVEN * np.nan_to_num(f).max():
+            at = np.unravel_index(int(np.argmax(apart)), apart.shape)
             raise ValueError(
-                f"a model with even=True must be even in phi, {model!r} is not: f is {f[0]:.4g} at theta_i {theta_i[a]:.4g},"
-                f" theta_r {viewer:.4g}, phi {side[b]:.4g} rad and {f[1]:.4g} at phi {-side[b]:.4g}; leave even out"
+                f"a model with even=True must be even in phi, {model!r} is not: f is {right[at]:.4g} at theta_i"
+                f" {theta_i[at[0]]:.4g}, theta_r {viewer:.4g}, phi {side[at[1]]:.4g} rad and {left[at]:.4g} at phi"
+                f" {-side[at[1]]:.4g}; leave even out"
             )
     return True
 
