@@ -62,6 +62,29 @@ def test_it_is_the_near_field_averaged_over_the_width(beta_n: float) -> None:
         assert np.all(np.abs(CHIANG.eval(ti, theta_r, phi, model) - mean) <= 0.01 * mean.max(0))
 
 
+@pytest.mark.parametrize(
+    ("beta_n", "eta", "off"),
+    [
+        (0.06, 1.29, 0.225),
+        (0.06, 1.55, 0.125),
+        (0.11, 1.29, 0.12),
+        (0.11, 1.55, 0.065),
+        (0.3, 1.29, 0.042),
+        (0.3, 1.55, 0.01),
+    ],
+)
+def test_glints_are_as_far_off_as_the_docs_say(beta_n: float, eta: float, off: float) -> None:
+    """TRT seen alone: scales so steep that no other lobe reaches its axis."""
+    model = Chiang(beta_m=0.05, beta_n=beta_n, alpha=20, eta=eta, sigma_a=0.01)
+    gamma, weight = gauss_legendre(np.array([-np.pi / 2, np.pi / 2]), 600)
+    phi = np.linspace(0, np.pi, 361)
+    for theta_r in (0.0, 0.4, 0.7, 1.0, 1.3):
+        theta_i = np.radians(4 * model.alpha) - theta_r
+        each = model.near(np.sin(gamma)).eval(theta_i, theta_r, phi[:, None])[..., 0]
+        trt = each @ (weight * np.cos(gamma) / 2)
+        assert np.abs(CHIANG.eval(theta_i, theta_r, phi, model)[:, 0] - trt).max() <= off * trt.max()
+
+
 @pytest.mark.parametrize("dtype", [np.float32, pytest.param(np.float64, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     "case",

@@ -14,8 +14,10 @@ from scipy import interpolate
 from command import run_program
 from cuticle.grooms import splines
 from cuticle.grooms.bust import Bust
+from cuticle.grooms.density_grid import DensityGrid
 from cuticle.grooms.groom import Groom, join_grooms, read_groom
 from cuticle.grooms.procedural import hair_ball, hair_head, head_bust, wavy_lock
+from cuticle.grooms.variation import vary
 
 COUNTS = (2, 5, 3, 4)
 
@@ -212,12 +214,36 @@ def test_a_fitted_bust_passes_through_the_roots(data: Path) -> None:
         (lambda g: hair_head(10, points=4), "points must be in"),
         (lambda g: hair_head(10, frizz=-1), "frizz must be in"),
         (lambda g: join_grooms([]), "at least one groom"),
+        (
+            lambda g: Groom(g.points, g.offsets, [0.1, 0.2]),
+            r"radius must have shape \(.*one value a point, or be one number",
+        ),
+        (lambda g: Groom(g.points, g.offsets, np.ones((len(g.points), 1))), "radius must have shape"),
+        (lambda g: Groom(g.points, g.offsets, 1e39), "radius must be finite"),
+        (lambda g: Groom(g.points * np.float64(1e39), g.offsets, 1), "points must be finite"),
+        (lambda g: Groom(g.points, g.offsets, 1, g.bend + np.float64(1e39)), "bend must be finite numbers within"),
+        (lambda g: Groom(g.points, g.offsets, 1, g.bend[1:]), "bend must have shape"),
         (lambda g: read_groom("x.hair", radius=0), "radius must be in"),
     ],
 )
 def test_bad_input_is_told(groom: Groom, call: Callable[[Groom], Any], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         call(groom)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (vary, "groom must be a cuticle.grooms.groom.Groom, got ndarray; read_groom reads one"),
+        (DensityGrid.build, "groom must be .*got ndarray"),
+        (Bust.fitted, "groom must be .*got ndarray"),
+        (lambda points: join_grooms([hair_ball(10), points]), r"grooms\[1\] must be .*got ndarray"),
+        (lambda points: DensityGrid.build(hair_ball(10)).strands("a", [0, 0, 1]), "origin must be an array of numbers"),
+    ],
+)
+def test_what_is_no_groom_is_told(call: Callable[[Any], Any], words: str) -> None:
+    with pytest.raises((TypeError, ValueError), match=words):
+        call(np.zeros((4, 3)))
 
 
 # Strands: one point; four points without length; a root and a tip given twice, steps that single precision loses; whole.

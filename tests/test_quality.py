@@ -38,6 +38,29 @@ def test_quality_is_what_its_docstring_says() -> None:
     assert abs(q.energy_error) < 1e-3
 
 
+class Scaled:
+    """f = c cos theta_i: light in any unit."""
+
+    def __init__(self, c: float) -> None:
+        self.c = c
+
+    def eval(self, theta_i: Any, theta_r: Any, phi: Any) -> np.ndarray:
+        return self.c * Cosine().eval(theta_i, theta_r, phi)
+
+
+@pytest.mark.parametrize("scale", [1e-200, 1e200])
+def test_quality_does_not_depend_on_the_unit_of_light(scale: float) -> None:
+    """Squares of such numbers are 0 or infinite."""
+    one, other = (cuticle.measure(Uniform(), Scaled(c), 0.3) for c in (1.0, scale))
+    for name in ("ess", "ess_channels", "largest_weight", "total_variation"):
+        assert getattr(other, name) == pytest.approx(getattr(one, name), rel=1e-9)
+
+
+def test_a_function_without_light_has_no_quality() -> None:
+    with pytest.raises(ValueError, match="scatters nothing toward theta_r 17.19°: there is nothing to measure"):
+        cuticle.measure(Uniform(), Scaled(0), 0.3)
+
+
 class Bump:
     """A peak between the points of a grid."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -33,9 +34,58 @@ def test_a_function_of_arrays_is_used_as_it_is() -> None:
     assert grey.eval(np.zeros((4, 5)), 0, 0).shape == (4, 5, 1)
 
 
-def test_a_function_of_numbers_is_tabulated_with_progress() -> None:
-    import math
+def one_sided(ti: Any, tr: Any, phi: Any) -> Any:
+    """A glint on one side of the fibre, of numbers or arrays."""
+    return math.e ** (-10 * ((ti + tr) ** 2 + (phi - 1) ** 2))
 
+
+class OneSided:
+    """The same, as a model that says it is even."""
+
+    even = True
+
+    def eval(self, theta_i: Any, theta_r: Any, phi: Any) -> np.ndarray:
+        return one_sided(theta_i, theta_r, phi)[..., None]
+
+
+def of_numbers(*at: float) -> float:
+    return math.cos(0 * at[0]) * one_sided(*at)  # math's functions take no arrays
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        lambda: from_callable(one_sided, even=True),
+        lambda: from_callable(of_numbers, even=True),
+        lambda: cuticle.fit(OneSided(), 1),
+        lambda: cuticle.measure(BROWN.near(0), OneSided(), 0.1),
+        lambda: cuticle.channel_bounds(OneSided(), 0.1),
+        lambda: cuticle.Strands(OneSided(), 1).eval(0.1, 0.2, 0.3),
+    ],
+)
+def test_what_is_said_to_be_even_and_is_not_is_refused(use: Callable[[], Any]) -> None:
+    """Half of it would be fitted and measured, and both halves sampled: an ESS of 1 where it is 1/2."""
+    with pytest.raises(ValueError, match="must be even in phi, .*f is .* and .* at phi -.*leave even out") as caught:
+        use()
+    assert "\n" not in str(caught.value)
+
+
+def test_an_even_function_of_numbers_may_have_holes() -> None:
+    """NaN at azimuths below 0 is no difference between the sides."""
+
+    def with_holes(theta_i: float, theta_r: float, phi: float) -> float:
+        return math.nan if phi < 0 else math.exp(-((theta_i + theta_r) ** 2)) / 10
+
+    assert isinstance(from_callable(with_holes, even=True, grid=(13, 25, 25)), Tabulated)
+
+
+def test_a_function_that_is_no_scattering_is_refused_at_once() -> None:
+    for wrong in (lambda ti, tr, phi: -np.ones_like(ti), lambda ti, tr, phi: np.nan * ti):
+        with pytest.raises(ValueError, match="must be finite and at least 0"):
+            from_callable(wrong)
+
+
+def test_a_function_of_numbers_is_tabulated_with_progress() -> None:
     seen = []
 
     def lobe(theta_i: float, theta_r: float, phi: float) -> float:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cuticle._support.quadrature import Grid, adapted_edges, grid
 from cuticle.sampling.families import NORMAL
-from cuticle.scattering.bcsdf import Bcsdf, evaluate, is_even, luminance
+from cuticle.scattering.bcsdf import Bcsdf, checked_even, evaluate, luminance
 
 OBJECTIVES = ("luminance", "rgb")
 _COARSE = (150, 36)
@@ -76,7 +76,7 @@ def objective_density(values: NDArray[np.float64], weights: NDArray[np.float64],
 
 def make_targets(models: Sequence[Bcsdf], theta_r: Sequence[float], objective: str, family: str = NORMAL) -> Targets:
     """Tabulate each (model, theta_r) pair as a target; neighbours of one model together."""
-    even = is_even(models[0])
+    even = checked_even(models[0])
     built = []
     for _, of_one in groupby(zip(models, theta_r, strict=True), lambda pair: id(pair[0])):
         of_model, at = zip(*of_one, strict=True)

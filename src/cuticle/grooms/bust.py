@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cuticle.grooms.groom import Groom
+from cuticle.grooms.groom import Groom, checked_groom
 
 __all__ = ["Bust"]
 
@@ -56,7 +56,7 @@ class Bust:
         """Return the bust whose skull passes through the roots of a head of hair."""
         from scipy.spatial import cKDTree
 
-        roots = groom.points[groom.offsets[:-1]].astype(np.float64)
+        roots = checked_groom("groom", groom).points[groom.offsets[:-1]].astype(np.float64)
         middle = (roots.min(axis=0) + roots.max(axis=0)) / 2  # a point within: else the equation's signs may turn
         from_middle = roots - middle
         k, _, rank, _ = np.linalg.lstsq(np.hstack([from_middle**2, from_middle]), np.ones(len(roots)), rcond=None)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from cuticle import _core
 from cuticle._support import validate
 from cuticle._support.values import Value
-from cuticle.grooms.groom import Groom
+from cuticle.grooms.groom import Groom, checked_groom
 
 MAX_RESOLUTION = 512
 
@@ -47,6 +47,7 @@ class DensityGrid(Value):
         >>> max(grid.cells.shape)
         64
         """
+        checked_groom("groom", groom)
         resolution = validate.integer("resolution", resolution, 1, MAX_RESOLUTION)
         low, high = (x.astype(np.float64) for x in groom.bounds)
         room = float(groom.radius.max()) + 1e-4 * float((high - low).max()) + 1e-12
@@ -82,8 +83,10 @@ class DensityGrid(Value):
         ValueError
             Shapes do not broadcast, a direction is not a unit vector, or a number is not finite.
         """
-        o, d = np.asarray(origin, np.float32), np.asarray(direction, np.float32)
-        far = np.asarray(distance, np.float32)
+        o, d, far = (
+            validate.real(name, x).astype(np.float32)
+            for name, x in (("origin", origin), ("direction", direction), ("distance", distance))
+        )
         for name, value in (("origin", o), ("direction", d)):
             if value.ndim < 1 or value.shape[-1] != 3:
                 raise ValueError(f"{name} must have shape (..., 3), got {value.shape}")

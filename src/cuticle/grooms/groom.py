@@ -70,7 +70,7 @@ class Groom(Value):
     attributes: Mapping[str, NDArray[np.float32]] = named.NONE
 
     def __post_init__(self) -> None:
-        points = np.array(validate.real("points", self.points), np.float32)
+        points = _single("points", self.points)
         offsets = validate.real("offsets", self.offsets)
         if offsets.dtype.kind == "f":
             raise TypeError(f"offsets must be whole numbers, got an array of {offsets.dtype}")
@@ -83,16 +83,20 @@ class Groom(Value):
         if (np.diff(offsets) < 2).any():
             short = int(np.argmax(np.diff(offsets) < 2))
             raise ValueError(f"a strand must have at least 2 points, strand {short} has {int(np.diff(offsets)[short])}")
-        radius = np.array(np.broadcast_to(validate.real("radius", self.radius).astype(np.float32), len(points)))
+        radius = _single("radius", self.radius)
+        if radius.shape not in ((), (1,), (len(points),)):
+            raise ValueError(
+                f"radius must have shape ({len(points)},), one value a point, or be one number; got {radius.shape}:"
+                " np.repeat(radius, counts) gives each point its strand's"
+            )
+        radius = np.array(np.broadcast_to(radius, len(points)))
         check_points(points)
         strands = len(offsets) - 1
-        bend = (
-            np.zeros((strands, 2, 4), np.float32)
-            if self.bend is None
-            else np.array(validate.real("bend", self.bend), np.float32)
-        )
-        if bend.shape != (strands, 2, 4) or not (np.abs(bend) <= 4 * FARTHEST).all():
-            raise ValueError(f"bend must be finite numbers of shape ({strands}, 2, 4), got shape {bend.shape}")
+        bend = np.zeros((strands, 2, 4), np.float32) if self.bend is None else _single("bend", self.bend)
+        if bend.shape != (strands, 2, 4):
+            raise ValueError(f"bend must have shape ({strands}, 2, 4), got {bend.shape}")
+        if not (np.abs(bend) <= 4 * FARTHEST).all():
+            raise ValueError(f"bend must be finite numbers within ±{4 * FARTHEST:g}, got {np.abs(bend).max():g}")
         check_radius(radius)
         attributes = named.checked(self.attributes, strands, len(points))
         keep, kept, left_out = distinct_points(points, np.diff(offsets))
@@ -314,6 +318,21 @@ class Groom(Value):
         write_text(path, "".join(rows.tolist()) % tuple(control.ravel().tolist()))
 
 
+def checked_groom(name: str, value: Any) -> Groom:
+    """Return `value` if it is a `Groom`, or raise TypeError."""
+    if not isinstance(value, Groom):
+        raise TypeError(
+            f"{name} must be a cuticle.grooms.groom.Groom, got {type(value).__name__}; read_groom reads one from a file"
+        )
+    return value
+
+
+def _single(name: str, value: ArrayLike) -> NDArray[np.float32]:
+    """A copy in single precision; what is too large for it becomes infinite, which is refused."""
+    with np.errstate(over="ignore"):
+        return np.array(validate.real(name, value), np.float32)
+
+
 def join_grooms(grooms: Sequence[Groom]) -> Groom:
     """Return one groom with the strands of all grooms. Hairstyles often come in several files.
 
@@ -322,6 +341,8 @@ def join_grooms(grooms: Sequence[Groom]) -> Groom:
     """
     if not grooms:
         raise ValueError("grooms must hold at least one groom, got none")
+    for k, groom in enumerate(grooms):
+        checked_groom(f"grooms[{k}]", groom)
     starts = np.cumsum([0, *(len(g.points) for g in grooms)])
     offsets = np.append(np.concatenate([g.offsets[:-1] + s for g, s in zip(grooms, starts, strict=False)]), starts[-1])
     points, radius, bend = (np.concatenate([getattr(g, name) for g in grooms]) for name in ("points", "radius", "bend"))

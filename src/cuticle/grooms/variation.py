@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cuticle._support import validate
-from cuticle.grooms.groom import Groom
+from cuticle.grooms.groom import Groom, checked_groom
 from cuticle.scattering import conventions
 
 __all__ = ["vary"]
@@ -112,6 +112,7 @@ def vary(
     (32000,)
     """
     given = locals()
+    checked_groom("groom", groom)
     p = {
         name: validate.number(name, given[name], low, high, unit=unit, remedy=remedy, above=above)
         for name, (low, high, unit, remedy, above) in _RANGES.items()

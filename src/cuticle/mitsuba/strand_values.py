@@ -10,7 +10,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from cuticle.grooms.groom import Groom, read_groom
+from cuticle.grooms.groom import Groom, checked_groom, read_groom
 from cuticle.mitsuba.spectra import tensor
 
 _PARAMETERS = ("filename", "attribute")
@@ -34,7 +34,7 @@ def strand_texture(groom: Groom, attribute: str) -> Any:
     ValueError
         The groom has no such attribute, or it has neither one channel nor three.
     """
-    values = groom.on_segments(attribute)
+    values = checked_groom("groom", groom).on_segments(attribute)
     if values.shape[-1] not in (1, 3):
         raise ValueError(f"a texture has 1 or 3 channels, the attribute {attribute!r} has {values.shape[-1]}")
     props = mi.Properties("cuticle_values")

@@ -15,7 +15,7 @@ from cuticle._support import validate
 from cuticle._support.backends import check_backend
 from cuticle.fitting.samplings import SAMPLINGS
 from cuticle.grooms.bust import Bust
-from cuticle.grooms.groom import Groom
+from cuticle.grooms.groom import Groom, checked_groom
 from cuticle.scattering.any_fibre import ABSORPTION, TEXTURED
 
 __all__ = ["INTEGRATORS", "LIGHTS", "Light", "View", "bsdf", "bust_shape", "integrator", "load_scene", "mitsuba"]
@@ -238,7 +238,7 @@ def load_scene(
         The groom is less than 1e-3 across.
     """
     view, light = view or View(), light or Light()
-    low, high = groom.bounds
+    low, high = checked_groom("groom", groom).bounds
     if not (size := float((high - low).max())) >= SMALLEST:
         raise ValueError(f"the groom must be at least {SMALLEST:g} across to be rendered, got {size:.3g}; scale it up")
     framed = groom if framed is None else framed

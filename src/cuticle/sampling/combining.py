@@ -15,7 +15,7 @@ from cuticle._support.quadrature import Grid, adapted_edges, grid
 from cuticle.sampling.lobe_table import MAX_LOBES, WEIGHT
 from cuticle.sampling.quality import Density
 from cuticle.sampling.sampler import Sampler, fitted
-from cuticle.scattering.bcsdf import Bcsdf, evaluate, is_even, luminance
+from cuticle.scattering.bcsdf import Bcsdf, checked_even, evaluate, luminance
 
 _MOST_NODES = 2000
 _ORDER = 3
@@ -130,7 +130,7 @@ def mixed_ess_of(
     """Return the same for several samplers: the functions, most of the work, are evaluated once."""
     share = validate.number("share", share, 0, 1)
     models = multiple if isinstance(multiple, list) else [multiple]
-    even = all(is_even(m) for m in (direct, *models))
+    even = all(checked_even(m) for m in (direct, *models))
 
     def squares(g: Grid) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         first, *others = (luminance(evaluate(m, g.theta, theta_r, g.phi)) for m in (direct, *models))

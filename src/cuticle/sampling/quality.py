@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cuticle._support import validate
 from cuticle._support.quadrature import Grid, adapted_edges, grid
-from cuticle.scattering.bcsdf import Bcsdf, check_model, evaluate, is_even, luminance
+from cuticle.scattering.bcsdf import Bcsdf, check_model, checked_even, evaluate, luminance
 
 MEASURED_AT = np.radians([-85, -75, -60, -30, 0, 30, 60, 75, 85.0])  # viewers of a fit, a check and an audit, by default
 _COARSE = (360, 120)
@@ -91,6 +91,11 @@ def measure(sampler: Density, model: Bcsdf, theta_r: float, strands: float | Non
         Passed to the sampler.
     error
         Whether to find `energy_error`, with a second rule: a quarter of all values of f.
+
+    Raises
+    ------
+    ValueError
+        The model scatters nothing toward the viewer, or is not even in phi though it has `even = True`.
     """
     if not callable(getattr(sampler, "pdf", None)):
         raise TypeError(f"sampler must have pdf(theta_i, theta_r, phi), got {type(sampler).__name__}")
@@ -102,12 +107,16 @@ def measure(sampler: Density, model: Bcsdf, theta_r: float, strands: float | Non
     p = sampler.pdf(g.theta[:, None], theta_r, g.phi[None, :], strands)
     channels = np.concatenate([f, luminance(f)[..., None]], axis=-1)
     energy = np.tensordot(solid_angle, channels, axes=2)
-    # Where p underflows, f below 1e-15 is a tail that no number of samples sees; a larger f still counts in full.
+    if not energy[-1] > 0:
+        raise ValueError(
+            f"the model scatters nothing toward theta_r {np.degrees(theta_r):.4g}°: there is nothing to measure"
+        )
+    q = channels / np.where(energy > 0, energy, 1)  # whose square neither underflows nor overflows, however dark f is
+    # Where p underflows, q below 1e-15 is a tail that no number of samples sees; a larger one still counts in full.
     floor = np.maximum(p, _LEAST_DENSITY)
-    second = np.tensordot(solid_angle / floor, channels**2, axes=2)
-    ess = effective_sample_size(energy, second)
-    weight = float(np.max(channels[..., -1] / floor) / energy[-1])
-    variation = 0.5 * float((solid_angle * np.abs(channels[..., -1] / energy[-1] - p)).sum())
+    ess = effective_sample_size((energy > 0).astype(np.float64), np.tensordot(solid_angle / floor, q**2, axes=2))
+    weight = float(np.max(q[..., -1] / floor))
+    variation = 0.5 * float((solid_angle * np.abs(q[..., -1] - p)).sum())
     apart = None
     if error:
         lower = grid(*edges, _ORDER - 1)
@@ -122,7 +131,7 @@ def _over_both_angles(model: Bcsdf, theta_r: float) -> tuple[float, int, Callabl
     Cells follow f·cos: in this measure the integrands are smooth.
     """
     theta_r = validate.number("theta_r", theta_r, -validate.HALF_PI, validate.HALF_PI, unit="rad", remedy=validate.RADIANS)
-    even = is_even(model)
+    even = checked_even(model)
 
     def values(g: Grid) -> NDArray[np.float64]:
         return evaluate(model, g.theta, theta_r, g.phi)

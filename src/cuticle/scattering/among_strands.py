@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from cuticle._support import validate
 from cuticle._support.interpolation import monotone
 from cuticle._support.values import Value
-from cuticle.scattering.bcsdf import Bcsdf, Plotted, check_model, is_even
+from cuticle.scattering.bcsdf import Bcsdf, Plotted, check_model, checked_even, is_even
 from cuticle.scattering.registry import classes, first_class
 from cuticle.scattering.strand_transport import Directions, Scattering, StrandTransport
 from cuticle.scattering.tabulated import Tabulated
@@ -125,6 +125,7 @@ class Strands(Value, Plotted):
         return self._shared["transports"]
 
     def _make_transports(self) -> list[StrandTransport]:
+        checked_even(self.model)
         d = self._directions
         rows = []
         for viewer in -d.theta:  # along which importance travels to the strand

@@ -11,6 +11,7 @@ from cuticle._support import validate
 from cuticle._support.extras import needed
 
 REC709 = (0.2126, 0.7152, 0.0722)
+_UNEVEN = 1e-3  # of the largest f cos, between the two sides of a function that is even
 
 
 class Sample(NamedTuple):
@@ -61,6 +62,33 @@ class Plotted:
 def is_even(model: object) -> bool:
     """Return whether a model declares itself even in phi; the default is no."""
     return bool(getattr(model, "even", False))
+
+
+def checked_even(model: Bcsdf) -> bool:
+    """Return the same, after a look at both sides of three viewers' highlights; raise ValueError where they differ.
+
+    What is no number, or of a wrong shape, is left to `evaluate` and to tables, in which NaN is a hole.
+    """
+    if not is_even(model):
+        return False
+    side = np.linspace(0.1, 3.0, 16)
+    for viewer in (-0.7, 0.1, 1.0):
+        theta_i = np.clip(-viewer + np.linspace(-0.4, 0.4, 9), -1.5, 1.5)
+        f = validate.real(
+            "what model.eval returns", model.eval(theta_i[:, None], viewer, np.concatenate([side, -side])[None])
+        )
+        if f.shape[:-1] != (len(theta_i), 2 * len(side)):
+            return True
+        right, left = np.split(np.where(np.isfinite(f), f, np.nan), 2, axis=1)
+        apart = np.nan_to_num(np.abs(right - left))
+        if apart.max() > _UNEVEN * np.nan_to_num(f).max():
+            at = np.unravel_index(int(np.argmax(apart)), apart.shape)
+            raise ValueError(
+                f"a model with even=True must be even in phi, {model!r} is not: f is {right[at]:.4g} at theta_i"
+                f" {theta_i[at[0]]:.4g}, theta_r {viewer:.4g}, phi {side[at[1]]:.4g} rad and {left[at]:.4g} at phi"
+                f" {-side[at[1]]:.4g}; leave even out"
+            )
+    return True
 
 
 def strands_of(model: object) -> float:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cuticle import _core
 from cuticle._support.interpolation import smooth_spline
 from cuticle._support.quadrature import trapezoid
-from cuticle.scattering.bcsdf import Bcsdf, evaluate, is_even, with_strands
+from cuticle.scattering.bcsdf import Bcsdf, checked_even, evaluate, with_strands
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
@@ -121,7 +121,7 @@ def tabulate_function(
     """
     report = progress or (lambda fraction: None)
     strands = _own_counts(model, counts)
-    even = is_even(model)
+    even = checked_even(model)
     exact = _Exact(model, even)
     kept = [(n, viewer) for n in strands for viewer in _TESTED]
     between = [(n, viewer) for n in _between(strands) for viewer in _TESTED]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial, update_wrapper
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from cuticle._support import validate
 from cuticle._support.progress import Progress, silent
 from cuticle._support.values import Value
-from cuticle.scattering.bcsdf import Plotted
+from cuticle.scattering.bcsdf import Plotted, checked_even, evaluate
 from cuticle.scattering.table_axes import grid_axes
 from cuticle.scattering.tabulated import Tabulated
 
@@ -66,7 +67,7 @@ def from_callable(
         shape and returns that shape, or that shape plus channels; or it takes single numbers and returns one value, or
         one per channel.
     even
-        Whether f(phi) = f(-phi). It halves the work, and lobes serve both sides.
+        Whether f(phi) = f(-phi). It halves the work, and lobes serve both sides. With `repeats=1` it is checked.
     repeats
         How many answers of an estimator are averaged at each point of the table. 1: the function is deterministic.
     grid
@@ -82,8 +83,8 @@ def from_callable(
     Raises
     ------
     ValueError
-        A function that raises, or returns a wrong shape, negative values or NaN; one that answers two equal calls
-        differently with `repeats=1`.
+        A function that raises, or returns a wrong shape, negative values or NaN; with `repeats=1` one that answers two
+        equal calls differently, or is said to be even and is not.
 
     Examples
     --------
@@ -105,19 +106,18 @@ def from_callable(
     rng = np.random.default_rng(1)
     probe = rng.uniform(-1.5, 1.5, _PROBES), rng.uniform(-1.5, 1.5, _PROBES), rng.uniform(-3, 3, _PROBES)
     vectorised = _takes_arrays(function, *probe)
-
-    def ask(ti: NDArray, tr: NDArray, ph: NDArray) -> NDArray[np.float64]:
-        if vectorised:
-            return _call(function, ti, tr, ph)
-        return np.array([_one(function, *point) for point in zip(ti.tolist(), tr.tolist(), ph.tolist(), strict=True)])
-
+    ask = update_wrapper(partial(_call if vectorised else _each, function), function)
     if repeats == 1 and not np.array_equal(ask(*probe), ask(*probe), equal_nan=True):
         raise ValueError(
             f"{_name(function)} answers two equal calls differently: for an estimator say repeats=64, how many answers are"
             " averaged at each point of a table"
         )
-    if vectorised and repeats == 1:
-        return Function(function, even)
+    if repeats == 1:
+        made = Function(function if vectorised else ask, even)
+        checked_even(made)
+        if vectorised:
+            evaluate(made, probe[0], 0.3, probe[2])  # refuses what is below 0 and what is no number
+            return made
     return _tabulate(function, ask, even, repeats, sizes, progress or silent)
 
 
@@ -182,6 +182,11 @@ def _call(function: Callable[..., Any], ti: NDArray, tr: NDArray, ph: NDArray) -
             f"{_name(function)} must return shape {ti.shape}, or that plus channels, for angles of that shape; got {f.shape}"
         )
     return f
+
+
+def _each(function: Callable[..., Any], ti: NDArray, tr: NDArray, ph: NDArray) -> NDArray[np.float64]:
+    points = zip(*(x.ravel().tolist() for x in (ti, tr, ph)), strict=True)
+    return np.array([_one(function, *point) for point in points]).reshape(*ti.shape, -1)
 
 
 def _one(function: Callable[..., Any], ti: float, tr: float, ph: float) -> NDArray[np.float64]:
