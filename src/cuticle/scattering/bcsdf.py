@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any, NamedTuple, Protocol, cast, runtime_checkable
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,7 +13,8 @@ from cuticle._support import validate
 from cuticle._support.extras import needed
 
 REC709 = (0.2126, 0.7152, 0.0722)
-_UNEVEN = 1e-3  # of the largest f cos, between the two sides of a function that is even
+_UNEVEN = 1e-3  # of the largest f, between the two sides of a function that is even
+_EVEN: WeakValueDictionary[int, Bcsdf] = WeakValueDictionary()  # models that were looked at, by id
 
 
 class Sample(NamedTuple):
@@ -69,8 +72,8 @@ def checked_even(model: Bcsdf) -> bool:
 
     What is no number, or of a wrong shape, is left to `evaluate` and to tables, in which NaN is a hole.
     """
-    if not is_even(model):
-        return False
+    if not is_even(model) or _EVEN.get(id(model)) is model:
+        return is_even(model)
     side = np.linspace(0.1, 3.0, 16)
     for viewer in (-0.7, 0.1, 1.0):
         theta_i = np.clip(-viewer + np.linspace(-0.4, 0.4, 9), -1.5, 1.5)
@@ -88,6 +91,8 @@ def checked_even(model: Bcsdf) -> bool:
                 f" {theta_i[at[0]]:.4g}, theta_r {viewer:.4g}, phi {side[at[1]]:.4g} rad and {left[at]:.4g} at phi"
                 f" {-side[at[1]]:.4g}; leave even out"
             )
+    with suppress(TypeError):  # of a class without weak references: it is looked at again
+        _EVEN[id(model)] = model
     return True
 
 
