@@ -1,7 +1,7 @@
 """Three energy-conserving M's in place of one, for energies over theta_i: by expectation and maximisation.
 
 Light that other strands scattered has a peak for each of their lobes, and wider tails. The core has the steps
-(native/longitudinal.cpp); here is where they start from, and in what order.
+(src/native/longitudinal.cpp); here is where they start from, and in what order.
 """
 
 from __future__ import annotations
