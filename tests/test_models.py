@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
 from scipy.stats import poisson
 
 import cuticle
@@ -187,7 +188,7 @@ def test_zinke2008_is_as_printed() -> None:
     scatter = 0.0
     for p, lobe in enumerate(("R", "TT", "TRT")):
         own = g(theta_h - fibre.alpha[p], fibre.beta[p] ** 2)
-        mean = np.trapezoid(single.eval(theta_i, theta_r, phi - turn, lobes=lobe)[:, 0], turn) / np.pi
+        mean = trapezoid(single.eval(theta_i, theta_r, phi - turn, lobes=lobe)[:, 0], turn) / np.pi
         scatter += mean * g(theta_h - fibre.alpha[p], fibre.beta[p] ** 2 + spread) / own
     width = float(a.back_deviation[0]) ** 2 + spread
     back = 2 * float(a.back_energy[0]) * g(theta_h - float(a.back_shift[0]), width) / (np.pi * math.cos(theta_d) ** 2)

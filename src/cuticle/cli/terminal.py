@@ -8,7 +8,7 @@ import re
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Annotated
 
@@ -87,7 +87,9 @@ LONG = 20.0  # seconds: work that takes longer says so
 def progress_bar(quiet: bool = False) -> Iterator[Watch]:
     """Show a progress bar on a terminal, and say about how long long work takes; neither if the caller wants quiet."""
     columns = (TextColumn("{task.description:<34}", markup=False), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=err, transient=True, disable=quiet or not err.is_terminal) as bar:
+    bar = Progress(*columns, console=err, transient=True)
+    # One that is not begun shows nothing; one that is disabled ends with an empty line before Rich 14.3.
+    with nullcontext() if quiet or not err.is_terminal else bar:
         yield Watch(bar, quiet)
 
 
