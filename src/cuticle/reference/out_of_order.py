@@ -36,7 +36,7 @@ def in_order(quantity: Quantity, value: Array, inputs: Inputs, labels: NDArray[A
     likeness, found = max(((_likeness(q, value), k) for k, (q, _) in enumerate(moved)))
     if likeness > _ALIKE:
         return moved[found][0], (moved[found][1],)
-    ranked = _moved(quantity, np.argsort(quantity.given[:, 0])[stats.rankdata(value[:, 0], "ordinal") - 1])
+    ranked = _moved(quantity, np.argsort(quantity.given[:, 0])[np.argsort(np.argsort(value[:, 0], kind="stable"))])
     return (ranked, (SORTED,)) if ranked.outside(value) <= EXPLAINED else (quantity, ())
 
 
