@@ -21,7 +21,7 @@ from cuticle.scattering import conventions
 __all__ = ["vary"]
 
 Array = NDArray[np.float64]
-_WAVES = 256
+_WAVES, _AT_ONCE = 256, 4096  # plane waves, and strands whose waves are in memory together
 _MOST, _STEEPEST = 100.0, 20.0  # of a pigment and of a tilt in degrees, as the scattering functions allow
 _CLUMPS = 0.05  # their size, of the diagonal of the box around the roots
 _RANGES: validate.Ranges = {
@@ -153,9 +153,14 @@ def _normals(groom: Groom, clumping: float, size: float | None, seed: int) -> Ca
         if not clumping:
             return own
         rng = _random(seed, number, 1)
-        waves = zip(rng.standard_normal((_WAVES, 3)) / size, 2 * np.pi * rng.random(_WAVES), strict=True)
-        field = math.sqrt(2 / _WAVES) * sum(np.cos(roots @ k + phase) for k, phase in waves)
-        return math.sqrt(clumping) * field + math.sqrt(1 - clumping) * own
+        waves, phase = rng.standard_normal((_WAVES, 3)).T / (2 * np.pi * size), rng.random(_WAVES)
+        field = np.empty(len(roots))
+        for start in range(0, len(roots), _AT_ONCE):
+            turns = roots[start : start + _AT_ONCE] @ waves + phase
+            turns -= np.rint(turns)  # so that single precision is enough: its cosines take a tenth of the time
+            cosines = np.cos(np.float32(2 * np.pi) * turns.astype(np.float32))
+            field[start : start + _AT_ONCE] = cosines.sum(axis=1, dtype=np.float64)
+        return math.sqrt(2 * clumping / _WAVES) * field + math.sqrt(1 - clumping) * own
 
     return normal
 
