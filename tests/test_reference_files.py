@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from command import refused, run
 from cuticle.reference import check
 from cuticle.reference.cases import SIGMAS, draw
 from cuticle.reference.models import evaluate, formulas_of
+from cuticle.reference.values_file import FORMAT
 
 pytest.importorskip("flint", reason="python-flint is not installed: pip install 'cuticle[reference]'")
 NEAR = draw("chiang", 60, 1, near=True, longitudinal="")
@@ -39,6 +41,10 @@ def test_right_values_are_right_however_they_are_printed(cell: str, tmp_path: Pa
     found = check(write(tmp_path / "mine.csv", BOTH, [cell] * 4))
     assert found.ok, found
     assert not any("digits" in note for note in found.notes)
+
+
+def test_zeros_are_not_right_within_any_tolerance(tmp_path: Path) -> None:
+    assert not check(write(tmp_path / "mine.csv", 0 * BOTH, ["%.9g"] * 4), tolerance=1).ok
 
 
 def test_zeros_in_two_decimals_are_not_right(tmp_path: Path) -> None:
@@ -68,6 +74,40 @@ def test_floats_in_ten_digits_are_told_of(tmp_path: Path) -> None:
     assert "f is right in single precision: if that computed it, give --precision single" in found.notes
 
 
+def test_floats_in_fixed_decimals_are_those_of_single_precision(tmp_path: Path) -> None:
+    """Of those above 1 more than nine digits are written."""
+    floats = BOTH.astype(np.float32).astype(float) * (1 + 3e-5 * (BOTH > 1))
+    found = check(write(tmp_path / "mine.csv", floats.astype(np.float32).astype(float), ["%.9f"] * 4))
+    assert found.ok, found
+    assert found.precision.startswith("single")
+    assert not check(write(tmp_path / "mine.csv", floats, ["%.9f"] * 4)).ok  # no floats, and off by more than doubles are
+
+
+def test_cells_without_a_number_fail_and_what_they_have_in_common_is_told(tmp_path: Path) -> None:
+    narrow = NEAR.columns["beta_m"] < np.sort(NEAR.columns["beta_m"])[9]
+    without = np.where(narrow[:, None] & (np.arange(4) < 3), np.nan, BOTH)
+    found = check(write(tmp_path / "nan.csv", without, ["%.17g"] * 4))
+    f, pdf = found.checked
+    assert not f.ok
+    assert pdf.ok
+    assert "9 of the 9 cases without a number have beta_m ≤" in str(found)
+    assert "diagnosis" not in str(found)
+    text = (tmp_path / "nan.csv").read_text()
+    (tmp_path / "blank.csv").write_text(text.replace("nan", ""))  # as pandas writes them
+    blank = check(tmp_path / "blank.csv")
+    assert blank.ok
+    assert any(note.startswith("9 of 60 cases have no f and are not checked: case") for note in blank.notes)
+    (tmp_path / "partly.csv").write_text(text.replace("nan,nan,nan", "1,,1"))
+    assert "f_g is empty in case" in str(check(tmp_path / "partly.csv"))
+    head, *rows = text.splitlines()
+    (tmp_path / "none.csv").write_text("\n".join([head, *(re.sub(r"(,[^,]*){4}$", 4 * ",nan", row) for row in rows)]))
+    nothing = check(tmp_path / "none.csv")
+    assert not nothing.ok
+    assert "no value of f is a number" in nothing.notes
+    (tmp_path / "few.csv").write_text("\n".join([head, *rows[:5], *(re.sub(r"(,[^,]*){4}$", ",,,,", r) for r in rows[5:])]))
+    refused("reference", "check", "few.csv", words="in 5 rows; a check needs at least 20", cwd=tmp_path)
+
+
 def test_cosines_from_sines_in_single_precision_are_right() -> None:
     """As pbrt has them, √(1 - x²): near the poles they lose digits of f. By formulas of float32."""
     poles = draw("chiang", 400, 7, near=True, longitudinal="")
@@ -85,6 +125,9 @@ def test_what_would_not_be_looked_at_is_refused(tmp_path: Path) -> None:
     for name, text, words in (
         ("dots", good.replace("f_r,f_g,f_b", "f.r,f.g,f.b"), "has a column 'f.r': values are named f_r, f_g, f_b, f, pdf"),
         ("capital", good.replace(",pdf", ",PDF"), "has a column 'PDF'"),
+        ("far", good.replace("# model", f"# {FORMAT}: chiang, far field\n# model"), "its head says far field"),
+        ("bars", good.replace(",", "|"), "columns must be separated by commas, not by '|'"),
+        ("digits", good.replace("\n1,", "\n١,", 1), "case must be a number, got '١'"),
         ("lines", good.replace("\n1,", '\n"1\n",', 1), "has a cell of several lines"),
     ):
         (tmp_path / f"{name}.csv").write_text(text)

@@ -70,6 +70,18 @@ def test_a_channel_that_is_off_alone_is_named() -> None:
     text = str(found(RIGHT * [1.7, 1, 1]))
     assert "f_g and f_b are right: look at f_r alone" in text
     assert "f_r is 1.7 times what it should be" in text
+    assert " with: " not in text  # all are off by as much; tolerances are not
+
+
+def test_the_width_of_trt_and_of_what_follows_is_one_number() -> None:
+    wrong = replace(F, variances=lambda q: [v * (0.6 if p > 1 else 1) for p, v in enumerate(F.variances(q))])
+    assert "verdict: WRONG (f: the variance of TRT and rest × 0.6)" in str(found(evaluate(wrong, NEAR).f))
+
+
+def test_cases_that_are_few_are_listed() -> None:
+    f = RIGHT.copy()
+    f[[5, 20, 33]] *= [[1.3], [1.9], [0.4]]
+    assert "only these cases are off: 6, 21, 34" in str(found(f))
 
 
 @pytest.mark.parametrize(("name", "value"), [("eta", 1.55), ("alpha", 2.0), ("beta_n", 0.3)])

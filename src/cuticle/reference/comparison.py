@@ -24,6 +24,7 @@ from cuticle.reference.scans import leads
 from cuticle.reference.search import Search, changed, judged, predicted, search
 from cuticle.reference.tolerance import AVERAGED, FLOORS, Quantity, quantity
 from cuticle.reference.values_file import Submission, read
+from cuticle.reference.where_off import where_none_are
 from cuticle.scattering.bcsdf import luminance_weights
 
 Array = NDArray[np.float64]
@@ -32,6 +33,7 @@ _PROVEN_ROWS = {True: 200, False: 12}
 _DIGITS = 6  # with fewer, rounding is more than the tolerance at times
 _NEARER = 0.9  # of the values off: what slips that do not explain them must leave at most to be named
 _FIRST, _PROMISING = 2, 0.97  # of the single slips that leave least of the misfit, on top of which one number is tried
+_FEW = 12  # cases that are off, of which each is named
 _AGREE = 1e-4  # of a tolerance's share: what double precision may be off from a proven value
 
 
@@ -89,12 +91,13 @@ def check(
     right = evaluate(F, inputs, density=wanted)
     given, notes = _where_a_density_is(given, right) if wanted else (given, [])
     note, right = _certified(F, inputs, given, right)
-    notes = [note, *notes]
+    notes = [note, *given.notes, *notes]
     if given.digits < _DIGITS:
         notes.append(f"a quarter of the values have no more than {given.digits} digits: write nine (%.9g), rounding counts")
     report("the reference", 0.1)
     columns = [("f", given.f), ("pdf", given.pdf[:, None])]
     kept = [(n, v) for n, v in columns if np.isfinite(v).any()]
+    notes += [f"no value of {name} is a number" for name, v in columns if name in given.failed and not np.isfinite(v).any()]
     notes += [f"every value of {name} is 0" for name, v in kept if not np.nan_to_num(v).any()]
     checked = []
     chosen = {n: precision if precision != "auto" else "single" if given.single[n] else "double" for n, _ in kept}
@@ -106,7 +109,7 @@ def check(
             report(phase, 0.1 + 0.9 * (k + fraction) / len(kept))
 
         checked.append(_check(F, q, given, right, _tolerance_text(inputs, chosen[name], tolerance, written), part))
-        if not checked[-1].ok and precision == "auto":
+        if checked[-1].best is not None and not checked[-1].ok and precision == "auto":
             single = quantity(name, v, F, inputs, right, "single", tolerance, written)
             if single.right(predicted(right, q)):
                 notes.append(f"{name} is right in single precision: if that computed it, give --precision single")
@@ -122,8 +125,11 @@ def check(
 def _precision_text(chosen: Mapping[str, str], asked: str) -> str:
     if len({*chosen.values()}) > 1:
         return ", ".join(f"{p} of {name}" for name, p in chosen.items()) + " (by the values' digits)"
+    if not chosen:
+        return "not known"
     one = next(iter(chosen.values()))
-    why = "as asked" if asked != "auto" else "no value has over nine digits" if one == "single" else "by the values' digits"
+    by = {"single": "no value has over nine digits, or all are floats", "double": "by the values' digits"}
+    why = "as asked" if asked != "auto" else by[one]
     return f"{one} ({why})"
 
 
@@ -181,26 +187,33 @@ def _check(F: Formulas, q: Quantity, given: Submission, right: Evaluated, tolera
     lobes, regions = _worst(F, q, given, right)
     count = int(np.isfinite(q.given).sum())
     found = Checked(q.name, count, "right", q.outside(value), tolerance, lobes, regions)
-    if q.right(value):
-        return found
+    failed = given.failed.get(q.name)
+    if failed is not None and failed.any():
+        told = f"{failed.sum()} cases have values that are no numbers", *where_none_are(F, inputs, q, right, failed)
+        found = replace(found, verdict="wrong", numberless=told)
     if not np.nan_to_num(q.given).any():  # a note says so: no slip makes zeros of all
         return replace(found, verdict="wrong")
+    if q.right(value):
+        return found
     moved, order = in_order(q, value, inputs, given.rows)
     if order:
         again = _check(F, moved, given, right, tolerance, progress)
         best = again.best or judged((), moved, value)
         best = replace(best, slips=(*order, *best.slips), explains=best.explains)
-        return replace(again, best=best, verdict="wrong", outside=found.outside, lobes=lobes, regions=regions)
+        same: dict[str, Any] = {"outside": found.outside, "lobes": lobes, "regions": regions, "numberless": found.numberless}
+        return replace(again, best=best, verdict="wrong", **same)
     progress(f"slips of {q.name}", 0.0)
     made: Search = search(F, q, inputs, value, lambda x: progress(f"slips of {q.name}", 0.6 * x))
     found = replace(found, best=made.best, alternatives=made.alternatives, singles=made.singles, verdict="wrong")
-    best = made.best
+    best, off = made.best, given.rows[(np.nan_to_num(q.off(value)) > 1).any(axis=1)]
     if best.explains:
         known = best.slips and all(s.approximation for s in best.slips) and not best.strays
         if not best.slips:
-            off = (np.nan_to_num(q.off(value)) > 1).any(axis=1)
-            found = replace(found, strays=tuple(int(n) for n in given.rows[off]))
+            found = replace(found, strays=tuple(int(n) for n in off))
+        known = known and not found.numberless
         return replace(found, verdict="right but for an approximation") if known else found
+    if len(off) <= _FEW:
+        found = replace(found, strays=tuple(int(n) for n in off))
     few, some = q.take(made.rows), inputs.take(made.rows)
     # One number may explain what slips, found one by one, only come near to; of those, the first may be right, and hidden by
     # what the number changes.

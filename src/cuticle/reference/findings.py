@@ -56,7 +56,9 @@ class Checked:
     leads
         Where to look, where no hypothesis explains the values.
     strays
-        Cases that are off where all others are right.
+        Cases that are off where all others are right, or where they are few.
+    numberless
+        How many cases have a value that is no number, and what they have in common.
     """
 
     name: str
@@ -71,6 +73,7 @@ class Checked:
     singles: tuple[Hypothesis, ...] = ()
     leads: Leads | None = None
     strays: tuple[int, ...] = ()
+    numberless: tuple[str, ...] = ()
 
     @property
     def ok(self) -> bool:
@@ -163,7 +166,8 @@ def _one_change(c: Checked) -> str:
 def _checked(c: Checked) -> list[str]:
     title = f"{c.name}: {c.verdict.upper() if not c.ok else c.verdict}"
     lines = [f"{title}; {c.values:,} values, {_percent(c.outside)} of them off by more than {c.tolerance}"]
-    if c.verdict == "right":
+    lines += [f"  {text}" for text in c.numberless]
+    if c.verdict == "right" or (c.best is None and not c.outside):
         worst = max(c.lobes, key=lambda w: abs(w.difference))
         return [*lines, f"  the largest difference is {worst.difference:+.2g} of the value, in case {worst.case}"]
     lines += _table("by lobe that dominates", c.lobes)
@@ -200,8 +204,7 @@ def _explained(c: Checked) -> list[str]:
     best = c.best
     assert best is not None
     if not best.slips:
-        cases = ", ".join(map(str, c.strays[:12])) + (" …" if len(c.strays) > 12 else "")
-        return [f"  diagnosis: {_all_but(c)}, and no known slip explains those; see what is particular to case {cases}"]
+        return [f"  diagnosis: {_all_but(c)}, and no known slip explains those; see what is particular to case {_strays(c)}"]
     lines = [f"  diagnosis: {best.name}; with {_them(best)}, {_percent(best.outside)} of the values are off"]
     if best.strays:
         lines.append("    some of these are so far off that it is not all that is wrong")
@@ -213,6 +216,10 @@ def _explained(c: Checked) -> list[str]:
         tail = "; ".join(f"{h.name} {_percent(h.outside)}" for h in others)
         lines.append(f"    single slips, and what each leaves off (of the cases searched): {tail}")
     return lines
+
+
+def _strays(c: Checked) -> str:
+    return ", ".join(map(str, c.strays[:12])) + (" …" if len(c.strays) > 12 else "")
 
 
 def _them(h: Hypothesis) -> str:
@@ -238,6 +245,8 @@ def _unexplained(c: Checked) -> list[str]:
             f"    nearest: {best.name}, which leaves {_percent(best.outside)} off (median difference {best.median:.2g})"
         )
         lines += [f"      {s.name}: {s.meaning}" for s in best.slips]
+    if c.strays and not change:
+        lines.append(f"    only these cases are off: {_strays(c)}")
     if c.leads is None:
         return lines
     on_top = " on top of that" if best.slips else ""
@@ -247,7 +256,7 @@ def _unexplained(c: Checked) -> list[str]:
     if change:
         return lines
     if c.leads.lobes:
-        lines.append(f"    by lobe{on_top}:")
+        lines.append(f"    by channel, value and lobe{on_top}:")
         lines += [f"      {text}" for text in c.leads.lobes]
     lines += [f"    {text}" for text in c.leads.inputs]
     return lines
@@ -269,6 +278,7 @@ def _checked_dict(c: Checked) -> dict[str, Any]:
         "diagnosis": None if c.best is None else _hypothesis(c.best),
         "alternatives": [_hypothesis(h) for h in c.alternatives], "singles": [_hypothesis(h) for h in c.singles],
         "leads": None if c.leads is None else asdict(c.leads), "strays": list(c.strays),
+        "without_a_number": list(c.numberless),
     }  # fmt: skip
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
@@ -98,7 +98,8 @@ def leads(F: Formulas, quantity: Quantity, inputs: Inputs, progress: Callable[[f
 def constant(k: float) -> str:
     """Return a number, and the constant that it is nearly, in words."""
     name = next((n for n, c in _CONSTANTS.items() if abs(k / c - 1) < 2e-3), "")
-    return f"{k:.4g}" + (f" ({name})" if name else "")
+    digits = 4 if k == 1 or abs(k - 1) > 1e-3 else 8
+    return f"{k:.{digits}g}" + (f" ({name})" if name else "")
 
 
 def _fitted(words: str, make: Any, F: Formulas, quantity: Quantity, inputs: Inputs) -> Clue:
@@ -153,19 +154,21 @@ def _one_number(F: Formulas, inputs: Inputs) -> Iterator[tuple[str, Callable[[fl
     yield "sigma_a", lambda k: (F, replace(inputs, sigma_a=np.maximum(inputs.sigma_a * k, 0)))
     yield "the power of f", lambda k: (replace(F, finish=lambda q, f: F.finish(q, f) ** k), inputs)
     yield "the scale of D", lambda k: (replace(F, scale=lambda q: F.scale(q) * max(k, 1e-3)), inputs)
-    yield "every variance of M", _lobes_times(F, inputs, "variances", None)
-    yield "every tilt", _lobes_times(F, inputs, "tilts", None)
+    lobes = range(len(F.lobes))
+    yield "every variance of M", _lobes_times(F, inputs, "variances", lobes)
+    yield "every tilt", _lobes_times(F, inputs, "tilts", lobes)
     if F.normalised:
         yield "the tilt in the cosine", lambda k: (tilted_cosine(lambda q, c: np.cos(_tilted(q, c, k)))(F), inputs)
         yield "the tilted cosine", lambda k: (tilted_cosine(lambda q, c: k * np.cos(c))(F), inputs)
     yield "η′", lambda k: (replace(F, bravais=lambda theta, eta: F.bravais(theta, eta) * max(k, 1e-3)), inputs)
     if F.kind == "chiang":
         yield from _coefficients(F, inputs)
+        yield "the variance of TRT and rest", _lobes_times(F, inputs, "variances", (2, 3))
     for p, lobe in enumerate(F.lobes):
-        yield f"the variance of {lobe}", _lobes_times(F, inputs, "variances", p)
+        yield f"the variance of {lobe}", _lobes_times(F, inputs, "variances", (p,))
         yield f"the energy of {lobe}", _energy_times(F, inputs, p)
         if p < 3:
-            yield f"the tilt of {lobe}", _lobes_times(F, inputs, "tilts", p)
+            yield f"the tilt of {lobe}", _lobes_times(F, inputs, "tilts", (p,))
 
 
 def _tilted(q: Any, cone: Array, k: float) -> Array:
@@ -188,14 +191,14 @@ def _inputs_of(F: Formulas, inputs: Inputs, names: tuple[str, ...], of: Any) -> 
     return change
 
 
-def _lobes_times(F: Formulas, inputs: Inputs, what: str, lobe: int | None) -> Callable[[float], Change]:
-    """Multiply one lobe's variance or tilt, or all of them."""
+def _lobes_times(F: Formulas, inputs: Inputs, what: str, lobes: Sequence[int]) -> Callable[[float], Change]:
+    """Multiply the variances or the tilts of some lobes."""
 
     def change(k: float) -> Change:
         by = max(k, 1e-3) if what == "variances" else k
 
         def values(q: Any) -> list[Array]:
-            return [x * (by if lobe in (None, p) else 1) for p, x in enumerate(getattr(F, what)(q))]
+            return [x * (by if p in lobes else 1) for p, x in enumerate(getattr(F, what)(q))]
 
         return (replace(F, variances=values) if what == "variances" else replace(F, tilts=values)), inputs
 

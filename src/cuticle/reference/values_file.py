@@ -49,7 +49,11 @@ class Submission(Value):
     rows
         What each case is called: the number in the file's column `case`, or its row.
     wrong
-        Values that are no numbers (nan, inf), by row.
+        Values that are no numbers (nan, inf), and channels that are empty where others are not, by row.
+    failed
+        Which cases those are, (n,), of "f" and of "pdf".
+    notes
+        Which cases have no value at all.
     digits
         That a quarter of the values have at most, leading zeros aside.
     written
@@ -63,6 +67,8 @@ class Submission(Value):
     single: Mapping[str, bool]
     rows: NDArray[np.int64]
     wrong: tuple[str, ...] = ()
+    failed: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
     digits: int = 17
     written: Mapping[str, float] = field(default_factory=dict)
 
@@ -164,7 +170,7 @@ class _Table:
         lines = read_text(path, "values").splitlines()
         comments = [line for line in lines if line.lstrip().startswith("#")]
         self.said = dict(re.findall(r"^#\s*(model|longitudinal):\s*(\S+)", "\n".join(comments), re.MULTILINE))
-        self.near = any(FORMAT in line and "near field" in line for line in comments)
+        self.field = next((f for f in ("near", "far") for line in comments if FORMAT in line and f"{f} field" in line), "")
         kept = [(i + 1, line) for i, line in enumerate(lines) if line.strip() and not line.lstrip().startswith("#")]
         if len(kept) < 2:
             raise ValueError(f"{path} holds no rows of values; it needs a row of names and then numbers")
@@ -172,7 +178,7 @@ class _Table:
         if len(parsed) != len(kept):
             raise ValueError(f"{path} has a cell of several lines, in quotation marks; a row must be one line")
         self.names = [name.strip() for name in parsed[0]]
-        other = next((c for c in ";\t" if c in kept[0][1] and "," not in kept[0][1]), None)
+        other = next((c for c in ";\t| " if c in kept[0][1].strip() and "," not in kept[0][1]), None)
         if other is not None:
             raise ValueError(f"{path}, line {kept[0][0]}: columns must be separated by commas, not by {other!r}")
         doubled = next((n for n in self.names if self.names.count(n) > 1), None)
@@ -197,7 +203,7 @@ class _Table:
 
 def number(cell: str) -> float:
     """Return a cell's number; of C's printf("%f"), too, which writes what is none as -nan or -nan(ind)."""
-    if "_" in cell:  # a number to Python alone
+    if "_" in cell or not cell.isascii():  # a number to Python alone
         raise ValueError(cell)
     if re.fullmatch(r"[-+]?1\.#INF0*", cell, re.IGNORECASE):  # Microsoft's, before 2015
         return math.inf
@@ -240,18 +246,40 @@ def _submission(table: _Table, source: _Table, model: str | None, name: str, joi
     names = [n.replace("sigma_a", "f") for n in names]
     f = np.column_stack([table.numbers(n, blank=True) if n in given else np.full(len(order), np.nan) for n in names])
     pdf = table.numbers("pdf", blank=True) if "pdf" in given else np.full(len(order), np.nan)
-    wrong = [
-        f"{n} is {cell} in case {label}" for n in given for cell, label in zip(table.cells[n], labels, strict=True)
-        if cell and not math.isfinite(number(cell))
-    ]  # fmt: skip
+    columns = {"f": [n for n in names if n in given], "pdf": [n for n in given if n == "pdf"]}
+    wrong, failed, notes = _without_a_number(table, {q: n for q, n in columns.items() if n}, labels)
     f[~np.isfinite(f)], pdf[~np.isfinite(pdf)] = np.nan, np.nan
-    cells = {"f": [c for n in given if n != "pdf" for c in table.cells[n]], "pdf": table.cells.get("pdf", [])}
-    cells = {q: [c for c in cells[q] if c and math.isfinite(number(c))] for q in cells}
+    cells = {q: [c for n in columns[q] for c in table.cells[n] if c and math.isfinite(number(c))] for q in columns}
     every = sorted(d for column in cells.values() for d in _digits(column))
     return Submission(
-        name, inputs, f, pdf, {q: _is_single(c) for q, c in cells.items()}, labels, tuple(wrong),
+        name, inputs, f, pdf, {q: _is_single(c) for q, c in cells.items()}, labels, wrong, failed, notes,
         every[len(every) // 4] if every else 17, {q: _written(c) for q, c in cells.items()},
     )  # fmt: skip
+
+
+def _without_a_number(
+    table: _Table, columns: Mapping[str, Sequence[str]], labels: NDArray[np.int64]
+) -> tuple[tuple[str, ...], dict[str, NDArray[np.bool_]], tuple[str, ...]]:
+    """Return what `Submission` has as `wrong`, `failed` and `notes`."""
+    wrong, failed, notes = [], {}, []
+    for quantity, names in columns.items():
+        filled = np.array([[bool(c) for c in table.cells[n]] for n in names])
+        none = np.array([[bool(c) and not math.isfinite(number(c)) for c in table.cells[n]] for n in names])
+        some, all_of_it = np.asarray(filled.any(axis=0), bool), filled.all(axis=0)
+        if some.sum() < LEAST_ROWS:
+            raise ValueError(f"{table.path} has {quantity} in {some.sum()} rows; a check needs at least {LEAST_ROWS}")
+        wrong += [f"{names[k]} is {table.cells[names[k]][i]} in case {labels[i]}" for k, i in np.argwhere(none)]
+        wrong += [
+            f"{names[k]} is empty in case {labels[i]}, whose other channels are not" for k, i in np.argwhere(some & ~filled)
+        ]
+        failed[quantity] = np.asarray(none.any(axis=0) | (some & ~all_of_it), bool)
+        if not all(some):
+            cases = ", ".join(map(str, labels[~some][:5])) + (" …" if (~some).sum() > 5 else "")
+            notes.append(
+                f"{(~some).sum()} of {len(some)} cases have no {quantity} and are not checked: case {cases}; pandas writes"
+                " a NaN as an empty cell, unless na_rep='nan'"
+            )
+    return tuple(wrong), failed, tuple(notes)
 
 
 def _refuse_unread(table: _Table) -> None:
@@ -303,8 +331,9 @@ def _inputs(table: _Table, model: str, longitudinal: str) -> Inputs:
         raise ValueError(f"{table.path} has no column {missing[0]!r}, an input of {model}: {remedy}")
     if model == "chiang" and "h" in table.names:
         needed.insert(3, "h")
-    elif table.near:
-        raise ValueError(f"{table.path} has no column 'h', though its head says near field: keep the inputs' columns")
+    if table.field and (table.field == "near") != ("h" in needed):
+        has = "a column" if "h" in needed else "no column"
+        raise ValueError(f"{table.path} has {has} 'h', though its head says {table.field} field: keep the inputs' columns")
     columns = {n: table.numbers(n, blank=False) for n in needed}
     for n, x in columns.items():
         low, high, unit = LIMITS[n]
@@ -326,24 +355,24 @@ def _digits(cells: Sequence[str]) -> list[int]:
 
 
 def _is_single(cells: Sequence[str]) -> bool:
-    """Whether all numbers have at most nine digits, or are floats to the last of theirs."""
+    """Whether all numbers have at most nine digits, or are floats to the last of theirs, or as far as they are printed."""
     if max(_digits(cells), default=0) <= _SINGLE_DIGITS:
         return True
     x = np.array(cells, float)
     with np.errstate(over="ignore"):
-        return bool(np.all(x == x.astype(np.float32)))
+        return bool(np.all(np.abs(x - x.astype(np.float32)) <= _half_a_unit(cells)))
 
 
 def _written(cells: Sequence[str]) -> float:
-    """Return half a unit of the last decimal, where all numbers have as many and no exponent; else 0.
+    """Return half a unit of the last decimal, where that is less than a thousandth of most values; else 0."""
+    half = _half_a_unit(cells)
+    return half if half and half < _FINE * float(np.median(np.abs(np.array(cells, float)))) else 0.0
 
-    Of few decimals nothing is allowed for: half a unit must be less than a thousandth of most values.
-    """
+
+def _half_a_unit(cells: Sequence[str]) -> float:
+    """Return half a unit of the last decimal, where all numbers have as many and no exponent; else 0."""
     decimals = {len(c.partition(".")[2]) if re.fullmatch(r"[-+]?\d*\.\d+", c) else 0 for c in cells}
-    if len(decimals) != 1 or 0 in decimals:
-        return 0.0
-    half = 0.5 * 10.0 ** -decimals.pop()
-    return half if half < _FINE * float(np.median(np.abs(np.array(cells, float)))) else 0.0
+    return 0.5 * 10.0 ** -decimals.pop() if len(decimals) == 1 and 0 not in decimals else 0.0
 
 
 def _read_falcor(path: str | os.PathLike[str]) -> Submission:

@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 _COARSE_AT_MOST = 0.5  # ln of what a coarse quadrature is off by, for three values in four
 _MANY = 0.25  # of a lobe's own values: with fewer off, it is not the lobe that is wrong
 _TOLD_APART = 0.8  # by a limit
+_SPREAD = 0.1  # of ln of the differences, from which they are not all as large
 _PRESENT = 0.2  # a lobe's share from which it counts among those that make a value
 _WITHOUT = 1e-5  # a lobe's share below which a value does without it
 _COARSENESS = (
@@ -36,23 +37,47 @@ def which_are_off(F: Formulas, quantity: Quantity, e: Evaluated) -> tuple[str, .
 
 def where_they_lie(F: Formulas, quantity: Quantity, inputs: Inputs, e: Evaluated) -> tuple[str, ...]:
     """Say beyond what limit of an input the values are off, and all others right; else what the differences grow with."""
-    off = quantity.off(predicted(e, quantity))
+    value = predicted(e, quantity)
+    off = quantity.off(value)
     known = np.asarray(~np.isnan(off).all(axis=1), bool)
     wrong = np.asarray(known & (np.nan_to_num(off) > 1).any(axis=1), bool)
     right = known & ~wrong
     every = _measures(F, inputs, _shares(quantity, e).mean(axis=2))
-    if wrong.sum() >= 5 and right.sum() >= 20:
-        limits = [_limit(name, x[known], wrong[known]) for name, x in every.items()]
-        if (best := max(limits)).both > _TOLD_APART:
-            return tuple(dict.fromkeys(x.words for x in sorted(limits, reverse=True)[:2] if x.both > best.both - 0.02))
-    with np.errstate(all="ignore"):
-        size = np.log(np.nanmax(np.where(wrong[:, None], off, np.nan), axis=1, initial=1.0))
-    if wrong.sum() < 20 or np.ptp(size[wrong]) == 0:
+    if wrong.sum() >= 5 and right.sum() >= 20 and (told := _limits(every, known, wrong, "that are off", "are off")):
+        return told
+    if wrong.sum() < 20:
+        return ()
+    with np.errstate(all="ignore"):  # not in tolerances: these grow with some inputs, too
+        share = np.abs(quantity.given - value) / (np.abs(value) + quantity.mean)
+        size = np.log(np.max(np.where(np.isfinite(share) & (off > 1), share, 0), axis=1))
+    if np.ptp(np.quantile(size[wrong], (0.1, 0.9))) < _SPREAD:  # all are off by as much
         return ()
     rank = {n: float(stats.spearmanr(x[wrong], size[wrong]).statistic) for n, x in every.items() if np.ptp(x[wrong]) > 0}
     top = sorted((n for n in rank if abs(rank[n]) > 0.25), key=lambda n: -abs(rank[n]))[:4]
-    words = ", ".join(f"{n} (rank correlation {rank[n]:+.2f})" for n in top)
-    return (f"the differences grow with: {words}",) if top else ()
+    kinds = {"grow": [n for n in top if rank[n] > 0], "shrink": [n for n in top if rank[n] < 0]}
+    words = {how: ", ".join(f"{n} (rank correlation {rank[n]:+.2f})" for n in names) for how, names in kinds.items()}
+    return tuple(f"the differences {how} with: {words[how]}" for how in kinds if kinds[how])
+
+
+def where_none_are(
+    F: Formulas, inputs: Inputs, quantity: Quantity, e: Evaluated, none: NDArray[np.bool_]
+) -> tuple[str, ...]:
+    """Say beyond what limit of an input cases have no number, and all others have one."""
+    if none.sum() < 3 or (~none).sum() < 20:
+        return ()
+    every = _measures(F, inputs, _shares(quantity, e).mean(axis=2))
+    return _limits(every, np.ones_like(none), none, "without a number", "have none")
+
+
+def _limits(
+    every: dict[str, Array], known: NDArray[np.bool_], wrong: NDArray[np.bool_], which: str, what: str
+) -> tuple[str, ...]:
+    """Return the limits that tell cases `which` from those that are known, in words; none where none does."""
+    limits = [_limit(name, x[known], wrong[known], which, what) for name, x in every.items()]
+    best = max(limits)
+    if best.both <= _TOLD_APART:
+        return ()
+    return tuple(dict.fromkeys(x.words for x in sorted(limits, reverse=True)[:2] if x.both > best.both - 0.02))
 
 
 class _Limit(NamedTuple):
@@ -62,8 +87,8 @@ class _Limit(NamedTuple):
     words: str
 
 
-def _limit(name: str, x: Array, wrong: NDArray[np.bool_]) -> _Limit:
-    """Return the limit of a measure that tells best which values are off: those above it, or those below."""
+def _limit(name: str, x: Array, wrong: NDArray[np.bool_], which: str, what: str) -> _Limit:
+    """Return the limit of a measure that tells best which cases are wrong: those above it, or those below."""
     best = _Limit(0.0, "")
     for sign, relation in ((1, "≥"), (-1, "≤")):
         order = np.argsort(-sign * x)
@@ -71,8 +96,8 @@ def _limit(name: str, x: Array, wrong: NDArray[np.bool_]) -> _Limit:
         both = 2 * hits / (count + wrong.sum())
         k = int(np.argmax(both))
         words = (
-            f"{hits[k]} of the {wrong.sum()} cases that are off have {name} {relation} {x[order[k]]:.4g}, and of such cases"
-            f" {100 * hits[k] / count[k]:.0f} % are off"
+            f"{hits[k]} of the {wrong.sum()} cases {which} have {name} {relation} {x[order[k]]:.4g}, and of such cases"
+            f" {100 * hits[k] / count[k]:.0f} % {what}"
         )
         if count[k] < 0.7 * len(x):
             best = max(best, _Limit(float(both[k]), words))
@@ -103,7 +128,8 @@ def _channels(quantity: Quantity, value: Array, off: Array) -> tuple[str, ...]:
     known = ~np.isnan(off)
     wrong = np.nan_to_num(off) > 1
     names = [f"{quantity.name}_{c}" for c in "rgb"] if off.shape[1] == 3 else [quantity.name]
-    right = [n for c, n in enumerate(names) if known[:, c].any() and not wrong[:, c].any()]
+    whole = known.sum(axis=0) == known.any(axis=1).sum()  # a number in each case
+    right = [n for c, n in enumerate(names) if whole[c] and not wrong[:, c].any()]
     found = []
     if right and wrong.any():
         other = [n for c, n in enumerate(names) if wrong[:, c].any()]
@@ -139,9 +165,10 @@ def _lobes(F: Formulas, quantity: Quantity, e: Evaluated, off: Array) -> tuple[s
             continue
         with np.errstate(all="ignore"):
             middle = np.nanmedian((quantity.given / value)[mine])
+        by = f"by {100 * (middle - 1):+.2g} %" if abs(middle - 1) < 0.995 else f"× {middle:.3g}"
+        by = "not" if abs(middle - 1) < 1e-5 else by
         found.append(
-            f"{lobe}: of {known.size} values that are its own, {100 * (known > 1).mean():.0f} % are off, in the median"
-            f" {f'by {100 * (middle - 1):+.2g} %' if abs(middle - 1) < 1 else f'× {middle:.3g}'}"
+            f"{lobe}: of {known.size} values that are its own, {100 * (known > 1).mean():.0f} % are off, in the median {by}"
         )
     return tuple(found)
 
